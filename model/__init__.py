@@ -1,0 +1,1 @@
+"""From a video of a handled soft object to a simulatable twin."""

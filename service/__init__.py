@@ -1,0 +1,1 @@
+"""The HTTP front. Imports `worker` and `model.schema`, and never torch."""

@@ -1,0 +1,1 @@
+"""Jobs around the model: queues, storage, progress. Imports `model`, never `service`."""
