@@ -23,7 +23,7 @@ class Frames:
     """A decoded clip."""
 
     images: UInt8[Array, "T H W 3"]
-    times: Float64[Array, "T"]
+    times: Float64[Array, " T"]
     """Presentation times [s], strictly increasing, the first is 0."""
     name: str
     sha256: str
@@ -80,12 +80,14 @@ class Camera:
     def to_camera(self, points: Float[Array, "*n 3"]) -> Float64[Array, "*n 3"]:
         """World points [m] in camera coordinates [m]."""
         rotation, position = self.world_from_camera[:3, :3], self.world_from_camera[:3, 3]
-        return (np.asarray(points, np.float64) - position) @ rotation
+        local: Float64[Array, "*n 3"] = (np.asarray(points, np.float64) - position) @ rotation
+        return local
 
     def to_world(self, points: Float[Array, "*n 3"]) -> Float64[Array, "*n 3"]:
         """Camera points [m] in world coordinates [m]."""
         rotation, position = self.world_from_camera[:3, :3], self.world_from_camera[:3, 3]
-        return np.asarray(points, np.float64) @ rotation.T + position
+        world: Float64[Array, "*n 3"] = np.asarray(points, np.float64) @ rotation.T + position
+        return world
 
     def project(self, points: Float[Array, "*n 3"]) -> tuple[Float64[Array, "*n 2"], Float64[Array, "*n"]]:
         """Pixel coordinates [px] and depth along the optical axis [m] of world points [m]."""
@@ -103,12 +105,12 @@ class Camera:
         return self.to_world(rays * np.asarray(depth, np.float64)[..., None])
 
     @property
-    def position(self) -> Float64[Array, "3"]:
+    def position(self) -> Float64[Array, " 3"]:
         """Optical centre in the world [m]."""
         return self.world_from_camera[:3, 3]
 
     @property
-    def forward(self) -> Float64[Array, "3"]:
+    def forward(self) -> Float64[Array, " 3"]:
         """Unit vector of the optical axis in the world."""
         return self.world_from_camera[:3, 2]
 
@@ -140,11 +142,11 @@ class Gaussians:
     """Standard deviations along the local axes [m]."""
     quaternions: Float32[Array, "G 4"]
     """Rotation local → world, unit, w x y z."""
-    opacities: Float32[Array, "G"]
+    opacities: Float32[Array, " G"]
     """In (0, 1)."""
     colors: Float32[Array, "G 3"]
     """RGB of the direction-independent term, 0..1."""
-    volumes: Float32[Array, "G"]
+    volumes: Float32[Array, " G"]
     """Volume of the object that each Gaussian stands for [m³]; their sum is the object's."""
     harmonics: Float32[Array, "G R"] | None = None
     """Higher spherical-harmonic coefficients in the order of a 3DGS file (`f_rest_*`), if any."""
@@ -160,7 +162,7 @@ class Features:
     """Semantic features on Gaussians."""
 
     values: Float32[Array, "G D"]
-    origin: Int[Array, "G"]
+    origin: Int[Array, " G"]
     """SEEN, SYMMETRY or NEIGHBOURHOOD: where each row comes from."""
     warnings: tuple[str, ...] = ()
 
@@ -173,7 +175,7 @@ class Features:
 class Parts:
     """A connected partition of the Gaussians."""
 
-    labels: Int32[Array, "G"]
+    labels: Int32[Array, " G"]
     """0 … count-1."""
     count: int
     warnings: tuple[str, ...] = ()
@@ -185,7 +187,7 @@ class Controllers:
 
     motion: Float32[Array, "T C 3"]
     """[m]; frame 0 is the keyframe. C = 0: no hand was found."""
-    group: Int[Array, "C"]
+    group: Int[Array, " C"]
     """Which hand (connected contact) each point belongs to."""
     warnings: tuple[str, ...] = ()
 
@@ -233,12 +235,12 @@ class Topology:
 
     points: Float32[Array, "N 3"]
     """Rest positions [m]."""
-    mass: Float32[Array, "N"]
+    mass: Float32[Array, " N"]
     """[kg]."""
     springs: Int32[Array, "E 2"]
-    rest_length: Float32[Array, "E"]
+    rest_length: Float32[Array, " E"]
     """[m]."""
-    part: Int32[Array, "N"]
+    part: Int32[Array, " N"]
     binding_index: Int32[Array, "G k"]
     """The points each Gaussian follows."""
     binding_weight: Float32[Array, "G k"]
@@ -247,7 +249,7 @@ class Topology:
     """Where the controllers are at rest [m]."""
     controller_springs: Int32[Array, "S 2"]
     """(controller, point)."""
-    controller_rest_length: Float32[Array, "S"]
+    controller_rest_length: Float32[Array, " S"]
     """[m]."""
     warnings: tuple[str, ...] = ()
 
@@ -267,9 +269,9 @@ class Parameter:
 class Parameters:
     """The mechanics of a topology: what a predictor predicts."""
 
-    stiffness: Float32[Array, "E"]
+    stiffness: Float32[Array, " E"]
     """[N/m]."""
-    controller_stiffness: Float32[Array, "S"]
+    controller_stiffness: Float32[Array, " S"]
     """[N/m]."""
     globals: Mapping[str, Parameter]
     """`dashpot_damping` [N*s/m], `drag_rate` [1/s], `friction` [1], `restitution` [1],
@@ -281,7 +283,7 @@ class Parameters:
 class Trajectory:
     """Points over time; frame 0 is the rest state."""
 
-    times: Float64[Array, "T"]
+    times: Float64[Array, " T"]
     """[s]."""
     points: Float32[Array, "T N 3"]
     """[m]."""
@@ -292,11 +294,11 @@ class Trajectory:
 class Observation:
     """What really moved (contract 3)."""
 
-    times: Float64[Array, "T"]
+    times: Float64[Array, " T"]
     points: Float32[Array, "T N 3"]
     """NaN where not seen."""
     controllers: Float32[Array, "T C 3"]
     ground_height: float | None = None
     gravity: tuple[float, float, float] = STANDARD_GRAVITY
     colors: UInt8[Array, "N 3"] | None = None
-    parts: Int[Array, "N"] | None = None
+    parts: Int[Array, " N"] | None = None

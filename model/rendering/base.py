@@ -32,7 +32,7 @@ class Renderer(nn.Module, ABC):
         means: Float[Tensor, "G 3"],
         scales: Float[Tensor, "G 3"],
         quaternions: Float[Tensor, "G 4"],
-        opacities: Float[Tensor, "G"],
+        opacities: Float[Tensor, " G"],
         colors: Float[Tensor, "G 3"],
         camera: Camera,
     ) -> Rendering:
