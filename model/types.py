@@ -29,6 +29,13 @@ class Frames:
     sha256: str
     """Of the file's bytes, hexadecimal."""
     warnings: tuple[str, ...] = ()
+    source_size: tuple[int, int] | None = None
+    """Width, height of the clip as the user sees it [px], if `images` were made smaller; None: the same."""
+
+    @property
+    def scale(self) -> float:
+        """Pixels of `images` per pixel of the clip."""
+        return 1.0 if self.source_size is None else self.images.shape[2] / self.source_size[0]
 
     @property
     def fps(self) -> float:
