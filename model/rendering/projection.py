@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from model.rotations import matrices
 from model.types import Camera
 
 NEAR = 1e-2
@@ -26,17 +27,6 @@ class Splats:
     """[px²], dilated."""
     depths: Float[Tensor, " G"]
     """Along the optical axis [m]."""
-
-
-def rotation_matrices(quaternions: Float[Tensor, "*n 4"]) -> Float[Tensor, "*n 3 3"]:
-    """Rotation matrices of quaternions (w x y z) of any length but zero."""
-    w, x, y, z = (quaternions / quaternions.norm(dim=-1, keepdim=True)).unbind(-1)
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return torch.stack([torch.stack(row, dim=-1) for row in rows], dim=-2)
 
 
 def camera_tensors(camera: Camera, like: Tensor) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "4 4"]]:
@@ -70,9 +60,7 @@ def project(
     jacobian = torch.cat(
         [focal.expand(len(means), 2, 2), -(_clamp(slopes, camera) @ focal.T)[..., None]], dim=-1
     )
-    root = (
-        (jacobian / depths[:, None, None]) @ pose[:3, :3].T @ rotation_matrices(quaternions) * scales[:, None]
-    )
+    root = (jacobian / depths[:, None, None]) @ pose[:3, :3].T @ matrices(quaternions) * scales[:, None]
     dilation = DILATION * torch.eye(2).to(means)
     return Splats(centers=centers, covariances=root @ root.transpose(1, 2) + dilation, depths=depths)
 
