@@ -1,0 +1,108 @@
+"""Finding the object and the hands in one frame."""
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32
+
+from model.segmentation.color_model import as_bytes
+from model.segmentation.regions import around, grown, labels_of, without_holes, without_specks
+from model.segmentation.saliency import border_colors, border_distance, reach
+from model.types import Array
+
+MIN_AREA = 0.002
+"""The smallest object we believe in, as a share of the picture."""
+
+
+def hand_regions(skin: Float32[Array, "H W"]) -> Bool[Array, "H W"]:
+    """Compact regions of skin, from its log-odds per pixel."""
+    smooth = cv2.GaussianBlur(np.clip(skin, -4, 4), (0, 0), 1.2)
+    return without_specks(smooth > 0.5, 0.001 * skin.size)
+
+
+def salience(lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"]) -> Float32[Array, "H W"]:
+    """How much each pixel looks like part of the handled object, in Lab units."""
+    soft = cv2.GaussianBlur(lab, (0, 0), 1.0)
+    height, width = hand.shape
+    y, x = np.mgrid[:height, :width].astype(np.float32)
+    center = np.exp(-0.5 * (np.square((x / width - 0.5) / 0.4) + np.square((y / height - 0.5) / 0.4)))
+    standing_out = np.minimum(border_distance(soft), 50) * (1 - 0.75 * border_colors(soft))
+    return cv2.GaussianBlur(standing_out * reach(hand, 0.25) * center * ~hand, (0, 0), 2.0).astype(np.float32)
+
+
+def find_object(lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"]) -> Bool[Array, "H W"]:
+    """The object that stands out near the hands; empty where nothing does."""
+    salient = salience(lab, hand)
+    peak = float(np.percentile(salient, 99))
+    if peak < 3.0:
+        return np.zeros_like(hand)
+    trimap = np.full(hand.shape, cv2.GC_BGD, np.uint8)
+    trimap[salient > 0.08 * peak] = cv2.GC_PR_BGD
+    trimap[salient > 0.45 * peak] = cv2.GC_PR_FGD
+    trimap[hand] = cv2.GC_BGD
+    found = grab_cut(lab, trimap)
+    return coherent(found, salient, hand)
+
+
+def object_in_box(
+    lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"], box: tuple[slice, slice]
+) -> Bool[Array, "H W"]:
+    """The object inside a box the user drew."""
+    trimap = np.full(hand.shape, cv2.GC_BGD, np.uint8)
+    trimap[box] = cv2.GC_PR_FGD
+    trimap[hand] = cv2.GC_BGD
+    found = grab_cut(lab, trimap)
+    return coherent(found, found.astype(np.float32), hand)
+
+
+def grab_cut(lab: Float32[Array, "H W 3"], trimap: Array, rounds: int = 4) -> Bool[Array, "H W"]:
+    """GrabCut in Lab from a map of its four labels.
+
+    Reference:
+        Rother, Kolmogorov, Blake (2004), GrabCut: interactive foreground extraction using iterated
+        graph cuts.
+    """
+    sure = (trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD)
+    if sure.sum() < 20 or (~sure).sum() < 20:
+        return sure
+    cv2.setRNGSeed(0)
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    labels, _, _ = cv2.grabCut(as_bytes(lab), trimap.copy(), None, *models, rounds, cv2.GC_INIT_WITH_MASK)
+    return (labels & 1).astype(bool)
+
+
+def coherent(
+    found: Bool[Array, "H W"], weight: Float32[Array, "H W"], hand: Bool[Array, "H W"]
+) -> Bool[Array, "H W"]:
+    """One object: the weightiest component, and others of weight that all but touch it."""
+    found = without_specks(found, 0.0002 * found.size)
+    count, labels, _ = labels_of(found)
+    if count == 1:
+        return found
+    weights = np.bincount(labels.ravel(), weights=weight.ravel(), minlength=count)
+    weights[0] = 0
+    main = labels == int(weights.argmax())
+    near = grown(main, 4 + round(0.01 * found.shape[1]))
+    for label in np.flatnonzero(weights > 0.02 * weights.max()):
+        part = labels == label
+        if (part & near).any():
+            main |= part
+    return (
+        without_holes(main, 0.002 * found.size) & ~hand
+        if main.sum() >= MIN_AREA * found.size
+        else main & False
+    )
+
+
+def settle(
+    object_mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]
+) -> tuple[Bool[Array, "H W"], Bool[Array, "H W"]]:
+    """Give skin-coloured spots that the object encloses (a plush's eyes) to the object; return both."""
+    count, labels, areas = labels_of(hand)
+    for label in range(1, count):
+        part = labels == label
+        window = around(part, 3)
+        ring = grown(part[window], 2) & ~part[window]
+        enclosed = (object_mask[window] & ring).sum() > 0.6 * ring.sum()
+        if enclosed and areas[label] < 0.3 * object_mask.sum():
+            object_mask, hand = object_mask | part, hand & ~part
+    return object_mask, hand & ~object_mask
