@@ -74,7 +74,7 @@ def test_rigid_motion_is_reproduced_exactly(shape, turn):
         along, across = (means.numpy() - expected) @ axis, gaussians.means[:, 1:]
         np.testing.assert_allclose(along, 0, atol=2e-6)
         np.testing.assert_allclose(
-            np.linalg.norm(means - expected, axis=1), np.linalg.norm(across, axis=1), atol=2e-6
+            np.linalg.norm(means.numpy() - expected, axis=1), np.linalg.norm(across, axis=1), atol=2e-6
         )
         return
     np.testing.assert_allclose(means, rotation.apply(gaussians.means) + shift, atol=2e-6)
