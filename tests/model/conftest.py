@@ -1,0 +1,138 @@
+"""A twin written by the contract with nothing of the project's, and ways to break it."""
+
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import save
+
+from model.bundle import TwinBundle
+from model.errors import InputError
+
+PROPERTIES = [
+    *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),
+    *("opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"),
+]
+
+
+def foreign_tensors(frames: int = 5) -> dict[str, np.ndarray]:
+    """A cube of 3×3×3 points with its edges, held by two controllers above it."""
+    rng = np.random.default_rng(7)
+    grid = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * 0.03
+    points = (grid + rng.uniform(-0.003, 0.003, grid.shape) + [0, 0, 0.25]).astype(np.float32)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    springs = np.argwhere(np.triu((distance < 0.05) & (distance > 0))).astype(np.int32)
+    top = np.argsort(-points[:, 2], kind="stable")[:2]
+    controllers = points[top] + np.float32([0, 0, 0.02])
+    controls = np.repeat(controllers[None], frames, axis=0)
+    controls[:, :, 0] += 0.01 * np.arange(frames, dtype=np.float32)[:, None]
+    return {
+        "points": points,
+        "mass": rng.uniform(0.002, 0.004, len(points)).astype(np.float32),
+        "springs": springs,
+        "rest_length": distance[springs[:, 0], springs[:, 1]].astype(np.float32),
+        "stiffness": rng.uniform(30, 150, len(springs)).astype(np.float32),
+        "part": (points[:, 0] > 0.03).astype(np.int32),
+        "controller_points": controllers,
+        "controller_springs": np.stack([np.arange(2), top], axis=1).astype(np.int32),
+        "controller_rest_length": np.full(2, 0.02, np.float32),
+        "controller_stiffness": np.full(2, 200, np.float32),
+        "controls": controls,
+        "binding_index": np.arange(len(points), dtype=np.int32)[:, None],
+        "binding_weight": np.ones((len(points), 1), np.float32),
+    }
+
+
+def foreign_ply(points: np.ndarray, rest: int = 0) -> bytes:
+    names = PROPERTIES[:9] + [f"f_rest_{i}" for i in range(rest)] + PROPERTIES[9:]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property float {name}\n" for name in names) + "end_header\n"
+    rows = np.zeros((len(points), len(names)), "<f4")
+    rows[:, :3] = points
+    rows[:, 9 + rest] = 3
+    rows[:, 10 + rest : 13 + rest] = np.log(0.01)
+    rows[:, 13 + rest] = 1
+    return head.encode() + rows.tobytes()
+
+
+def foreign_members(tensors: Mapping[str, np.ndarray]) -> dict[str, bytes]:
+    """The files of a minimal bundle."""
+    units = {"dashpot_damping": "N*s/m", "drag_rate": "1/s", "friction": "1", "restitution": "1"}
+    values = {"dashpot_damping": 0.05, "drag_rate": 0.8, "friction": 0.4, "restitution": 0.1}
+    parameters = {n: {"value": v, "unit": units[n], "source": "user"} for n, v in values.items()}
+    parameters["collision_distance"] = {"value": 0.005, "unit": "m", "source": "user"}
+    manifest = {
+        "schema": "matphys.twin/1",
+        "id": "check",
+        "created": "2026-01-01T00:00:00Z",
+        "version": "0",
+        "units": "m kg s",
+        "frame": "z-up",
+        "source": {"fps": 30.0, "frames": 5},
+        "stages": [],
+        "warnings": [],
+    }
+    return {
+        "twin.json": json.dumps(manifest).encode(),
+        "gaussians.ply": foreign_ply(tensors["points"]),
+        "system.safetensors": save({name: np.ascontiguousarray(value) for name, value in tensors.items()}),
+        "parameters.json": json.dumps(parameters).encode(),
+        "parts.json": b"[]",
+    }
+
+
+@pytest.fixture
+def tensors() -> dict[str, np.ndarray]:
+    return foreign_tensors()
+
+
+@pytest.fixture
+def members(tensors: dict[str, np.ndarray]) -> dict[str, bytes]:
+    return foreign_members(tensors)
+
+
+@pytest.fixture
+def write_twin(tmp_path: Path) -> Callable[..., Path]:
+    """Write a foreign bundle, tensors (keywords) and members (`files`) replaced, or removed by None."""
+
+    def write(
+        name: str = "foreign.twin.zip", files: Mapping[str, bytes | None] | None = None, **changes
+    ) -> Path:
+        system = {**foreign_tensors(), **changes}
+        intact = foreign_tensors()
+        content = foreign_members(intact | {"points": intact["points"][: len(system["points"])]})
+        content["system.safetensors"] = save(
+            {key: np.ascontiguousarray(value) for key, value in system.items() if value is not None}
+        )
+        content |= files or {}
+        with zipfile.ZipFile(tmp_path / name, "w", zipfile.ZIP_DEFLATED) as archive:
+            for member, data in content.items():
+                if data is not None:
+                    archive.writestr(member, data)
+        return tmp_path / name
+
+    return write
+
+
+@pytest.fixture
+def twin_path(write_twin: Callable[..., Path]) -> Path:
+    return write_twin()
+
+
+@pytest.fixture
+def refusal() -> Callable[[Path], str]:
+    """Load a broken bundle and return the one line it is refused with."""
+
+    def load(path: Path) -> str:
+        with pytest.raises(InputError) as caught:
+            TwinBundle.load(path)
+        message = str(caught.value)
+        assert "\n" not in message
+        assert path.name in message
+        assert len(message) < 300
+        return message
+
+    return load

@@ -1,0 +1,55 @@
+import struct
+
+import numpy as np
+import pytest
+
+
+def with_ply(members: dict[str, bytes], old: bytes, new: bytes) -> dict[str, bytes]:
+    assert old in members["gaussians.ply"]
+    return {"gaussians.ply": members["gaussians.ply"].replace(old, new, 1)}
+
+
+BROKEN = {
+    "PLY of text": (
+        lambda m: with_ply(m, b"binary_little_endian", b"ascii"),
+        "gaussians.ply: expected format binary_little_endian 1.0, found 'format ascii 1.0'",
+    ),
+    "no PLY": (lambda m: {"gaussians.ply": b"solid cube"}, "gaussians.ply: expected a PLY file"),
+    "PLY in another order": (
+        lambda m: with_ply(m, b"float x\nproperty float y", b"float y\nproperty float x"),
+        "expected the float properties x y z",
+    ),
+    "PLY of doubles": (lambda m: with_ply(m, b"float x", b"double x"), "expected the float properties x y z"),
+    "PLY with a list": (
+        lambda m: with_ply(m, b"end_header", b"property list uchar int faces\nend_header"),
+        "expected the float properties",
+    ),
+    "PLY of faces": (lambda m: with_ply(m, b"vertex", b"face"), "expected `element vertex COUNT`"),
+    "PLY too short": (
+        lambda m: {"gaussians.ply": m["gaussians.ply"][:-4]},
+        "gaussians.ply: expected 1836 bytes after the header (27 vertices), found 1832",
+    ),
+    "PLY too long": (lambda m: {"gaussians.ply": m["gaussians.ply"] + b"more"}, "found 1840"),
+    "PLY without end": (
+        lambda m: with_ply(m, b"vertex 27", b"vertex 999999999"),
+        "expected 1 to 2000000 vertices",
+    ),
+    "PLY with NaN": (
+        lambda m: {"gaussians.ply": m["gaussians.ply"][:-16] + struct.pack("<4f", np.nan, 0, 0, 1)},
+        "property rot_0: expected finite",
+    ),
+    "PLY without rotation": (
+        lambda m: {"gaussians.ply": m["gaussians.ply"][:-16] + bytes(16)},
+        "property rot_0..3: expected quaternions",
+    ),
+    "PLY with huge scales": (
+        lambda m: {"gaussians.ply": m["gaussians.ply"][:-20] + struct.pack("<5f", 200, 1, 0, 0, 0)},
+        "property scale_0..2",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_are_refused(name: str, write_twin, members: dict[str, bytes], refusal):
+    change, expected = BROKEN[name]
+    assert expected in refusal(write_twin(files=change(members)))

@@ -1,0 +1,76 @@
+import json
+
+import pytest
+
+
+def with_manifest(**changes) -> dict[str, bytes]:
+    return {"twin.json": json.dumps({"schema": "matphys.twin/1"} | changes).encode()}
+
+
+BROKEN = {
+    "another schema": (
+        lambda m: with_manifest(schema="matphys.twin/2"),
+        "twin.json: schema: input should be 'matphys.twin/1', found 'matphys.twin/2'",
+    ),
+    "no schema": (lambda m: {"twin.json": b"{}"}, "twin.json: schema is missing"),
+    "manifest of text": (lambda m: {"twin.json": b"hello"}, "twin.json: expected JSON"),
+    "manifest of bytes": (lambda m: {"twin.json": b"\xff\xfe\x00"}, "twin.json: expected JSON"),
+    "manifest of a list": (lambda m: {"twin.json": b"[]"}, "twin.json: the whole: "),
+    "manifest nested without end": (lambda m: {"twin.json": b"[" * 100_000}, "twin.json: expected JSON"),
+    "fps of text": (lambda m: with_manifest(source={"fps": "30"}), "twin.json: source.fps: "),
+    "fps of zero": (
+        lambda m: with_manifest(source={"fps": 0}),
+        "source.fps: input should be greater than 0, found 0",
+    ),
+    "fps NaN": (
+        lambda m: {"twin.json": b'{"schema": "matphys.twin/1", "source": {"fps": NaN}}'},
+        "NaN is not a finite number",
+    ),
+    "unknown key NaN": (
+        lambda m: {"twin.json": b'{"schema": "matphys.twin/1", "mine": 1e999}'},
+        "1e999 is not a finite number",
+    ),
+    "camera NaN": (
+        lambda m: {
+            "twin.json": b'{"schema": "matphys.twin/1", "source": {"camera": {"intrinsics": [[NaN]]}}}'
+        },
+        "NaN",
+    ),
+    "camera of the wrong shape": (
+        lambda m: with_manifest(source={"camera": {"intrinsics": [[1, 0, 0]]}}),
+        "source.camera.intrinsics.1",
+    ),
+    "another frame": (
+        lambda m: with_manifest(frame="y-up"),
+        "twin.json: frame: expected the world frame 'z-up', found 'y-up'",
+    ),
+    "other units": (lambda m: with_manifest(units="mm kg s"), "twin.json: units: expected metres"),
+    "parts of text": (lambda m: {"parts.json": b'["part"]'}, "parts.json: 0: "),
+    "too few parts": (
+        lambda m: {"parts.json": b'[{"label": "only"}]'},
+        "part: expected labels 0..0 of parts.json, found 1",
+    ),
+    "improbable materials": (
+        lambda m: {"parts.json": b'[{"label": "a", "materials": {"fabric": 0.5}}]'},
+        "0.materials: expected probabilities that sum to 1",
+    ),
+    "overlay of something else": (
+        lambda m: {"parts.json": b'[{"label": "a", "overlay": "aGVsbG8="}]'},
+        "0.overlay: expected a PNG",
+    ),
+    "overlay of no base64": (
+        lambda m: {"parts.json": b'[{"label": "a", "overlay": "???"}]'},
+        "0.overlay: expected a PNG",
+    ),
+    "unknown effect": (lambda m: {"effects.json": b'[{"name": "magic"}]'}, "effects.json: 0.name"),
+    "effect on too few": (
+        lambda m: {"effects.json": b'[{"name": "wind", "acts_on": [1]}]'},
+        "0.acts_on: expected a number for each of the 27 points, found 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_records_are_refused(name: str, write_twin, members: dict[str, bytes], refusal):
+    change, expected = BROKEN[name]
+    assert expected in refusal(write_twin(files=change(members)))
