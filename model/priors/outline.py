@@ -52,9 +52,7 @@ def _largest_piece(mask: Bool[Array, "H W"]) -> UInt8[Array, "H W"]:
 
 def _shading(image: UInt8[Array, "H W 3"], piece: UInt8[Array, "H W"], radius: float) -> float:
     """Range of lightness [L*] over the piece, patterns finer than its thickness smoothed away."""
-    lightness: Float32[Array, "H W"] = cv2.cvtColor(image.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB)[
-        ..., 0
-    ]
+    lab: Float32[Array, "H W 3"] = cv2.cvtColor(image.astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB)
     sigma = max(radius / 4.0, 1.0)
     weight = cv2.GaussianBlur(piece.astype(np.float32), (0, 0), sigma)
     smooth = cv2.GaussianBlur(lab[..., 0] * piece, (0, 0), sigma) / np.maximum(weight, 1e-3)
