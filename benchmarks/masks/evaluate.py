@@ -2,7 +2,7 @@
 
     python benchmarks/masks/evaluate.py                    # the default segmenter
     python benchmarks/masks/evaluate.py --method NAME      # another one of model.segmentation.ALL_SEGMENTERS
-    python benchmarks/masks/evaluate.py --masks DIR        # masks on disk: DIR/CLIP/FRAME.png, white is object
+    python benchmarks/masks/evaluate.py --masks DIR        # masks on disk: DIR/CLIP/FRAME.png, object white
 
 The clips are looked for in $MATPHYS_DATA/videos (default: ../shared/data beside the repository).
 Boundary F: Csurka et al. (2013), What is a good evaluation measure for semantic segmentation?, BMVC.
