@@ -1,0 +1,85 @@
+"""A rollout that left the numbers: where, when, and by which term."""
+
+from typing import Protocol
+
+import torch
+from torch import Tensor
+
+from model.errors import InputError
+from model.simulator.dynamics import Dynamics
+from model.simulator.integrators.base import Integrator
+from model.simulator.system import Anchors, State
+
+
+class SimulationDiverged(InputError):
+    """A state is not finite any more.
+
+    Attributes:
+        frame: The frame that could not be reached.
+        point: The first point that is not finite.
+        term: The force term that broke it: the first not finite there, else the strongest.
+    """
+
+    def __init__(self, frame: int, point: int, term: str, substeps: int) -> None:
+        """Say it in one line."""
+        self.frame, self.point, self.term = frame, point, term
+        super().__init__(
+            f"the simulation diverged in frame {frame}: point {point} is not finite, driven by {term!r}; "
+            f"use more than {substeps} substeps per frame, or less extreme parameters"
+        )
+
+
+class Drive(Protocol):
+    """Where the controllers are at the end of each substep of a frame."""
+
+    def __call__(self, substep: int) -> Anchors | None:
+        """Anchors at the end of `substep` (from 0)."""
+
+
+def finite(state: State) -> bool:
+    """Whether every coordinate and velocity is."""
+    return bool(torch.isfinite(state.positions).all()) and bool(torch.isfinite(state.velocities).all())
+
+
+def explain(
+    dynamics: Dynamics,
+    integrator: Integrator,
+    start: State,
+    drive: Drive,
+    dt: float,
+    substeps: int,
+    frame: int,
+) -> SimulationDiverged:
+    """Repeat a frame that ended badly, and find the substep, the point and the term where it began."""
+    with torch.no_grad():
+        state = start
+        for substep in range(substeps):
+            after = integrator.step(dynamics, state, drive(substep), dt)
+            if not finite(after):
+                point = _first_bad(after)
+                return SimulationDiverged(
+                    frame, point, _culprit(dynamics, state, drive(substep), point), substeps
+                )
+            state = after
+    return SimulationDiverged(frame, 0, "unknown", substeps)
+
+
+def _first_bad(state: State) -> int:
+    bad = ~(torch.isfinite(state.positions) & torch.isfinite(state.velocities)).all(-1)
+    return int(bad.reshape(-1, bad.shape[-1]).any(0).nonzero()[0])
+
+
+def _culprit(dynamics: Dynamics, state: State, anchors: Anchors | None, point: int) -> str:
+    motion = dynamics.motion(state, anchors)
+    strongest, name = -1.0, "the initial state"
+    for term, values in dynamics.forces:
+        size = _largest(term.force(motion, values), point)
+        if not size < float("inf"):
+            return term.name
+        if size > strongest:
+            strongest, name = size, term.name
+    return name
+
+
+def _largest(force: Tensor, point: int) -> float:
+    return float(force.select(-2, point).norm(dim=-1).max())

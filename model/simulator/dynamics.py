@@ -1,0 +1,134 @@
+"""All terms of a simulator, with their constants evaluated once, ready for many steps."""
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from model.simulator.contacts.base import ContactTerm
+from model.simulator.forces.base import AxialForce, ForceTerm, PairForce, spread
+from model.simulator.forces.decay import Decay
+from model.simulator.motion import Motion
+from model.simulator.parameters import Values, broadcast
+from model.simulator.system import Anchors, State, System
+
+
+class Dynamics:
+    """What an integrator asks: accelerations, decay and contacts of a state.
+
+    Made at the start of a rollout: every constant is computed once, with its graph, and shared by all steps.
+    """
+
+    def __init__(self, system: System, forces: Sequence[ForceTerm], contacts: Sequence[ContactTerm]) -> None:
+        """Evaluate the constants of `system`, `forces` and `contacts`."""
+        self.system = system
+        constants = system.values(system.points)
+        self.mass = constants["mass"].expand(*constants["mass"].shape[:-1], len(system.points)).unsqueeze(-1)
+        self.inverse_mass = 1.0 / self.mass
+        self.rest_length = _joined(system, constants)
+        self.forces = [(term, term.values(system.points)) for term in forces]
+        self.contacts = [(term, term.values(system.points)) for term in contacts]
+        self._axial = [(t, v) for t, v in self.forces if isinstance(t, AxialForce) and self._acts(t)]
+        self._pair = [
+            (t, v)
+            for t, v in self.forces
+            if isinstance(t, PairForce) and not isinstance(t, AxialForce) and self._acts(t)
+        ]
+        self._other = [(t, v) for t, v in self.forces if not isinstance(t, PairForce | Decay)]
+        self._decay = [(t, v) for t, v in self.forces if isinstance(t, Decay)]
+        self._factors: dict[float, Tensor | None] = {}
+
+    @property
+    def batch(self) -> torch.Size:
+        """The leading dimensions that the constants have in common."""
+        shapes = [self.mass.shape[:-2], self.rest_length.shape[:-1]]
+        for _, values in [*self.forces, *self.contacts]:
+            shapes += [value.shape[:-1] for value in values.values()]
+        return broadcast(*shapes)
+
+    def motion(self, state: State, anchors: Anchors | None) -> Motion:
+        """What the laws see of `state`, with the controllers at `anchors`."""
+        held = anchors if self.system.controller_count else None
+        return Motion(self.system.edges, state, held, self.mass, self.rest_length)
+
+    def acceleration(
+        self, state: State, anchors: Anchors | None, dt: float
+    ) -> tuple[Float[Tensor, "*b N 3"], dict[str, Tensor]]:
+        """Acceleration [m/s²] of every point, and what laws with memory remember after `dt` [s]."""
+        motion = self.motion(state, anchors)
+        memory: dict[str, Tensor] = {}
+        pulls = self._pulls(motion, state, dt, memory)
+        force = None if pulls is None else motion.pull(pulls)
+        for term, values in self._other:
+            more = term.force(motion, values)
+            force = more if force is None else force + more
+        if force is None:
+            return torch.zeros_like(state.positions), memory
+        return force * self.inverse_mass, memory
+
+    def decay(self, velocities: Float[Tensor, "*b N 3"], dt: float) -> Float[Tensor, "*b N 3"]:
+        """Velocities [m/s] after the exactly solvable forces have acted for `dt` [s]."""
+        if dt not in self._factors:
+            factor: Tensor | None = None
+            for term, values in self._decay:
+                more = term.factor(values, dt)
+                factor = more if factor is None else factor * more
+            self._factors[dt] = factor
+        known = self._factors[dt]
+        return velocities if known is None else velocities * known
+
+    def collide(
+        self, positions: Float[Tensor, "*b N 3"], velocities: Float[Tensor, "*b N 3"], dt: float
+    ) -> Float[Tensor, "*b N 3"]:
+        """Velocities [m/s] after the contacts of a step of `dt` [s]."""
+        for term, values in self.contacts:
+            velocities = term.resolve(positions, velocities, self.mass, dt, values)
+        return velocities
+
+    def rest_memory(self, state: State, anchors: Anchors | None) -> dict[str, Tensor]:
+        """What laws with memory remember before anything has happened."""
+        motion = self.motion(state, anchors)
+        return {
+            f"{term.name}.{name}": value
+            for term, _ in self._axial
+            if term.memory
+            for name, value in term.rest_memory(motion).items()
+        }
+
+    def _acts(self, term: PairForce) -> bool:
+        edges = self.system.edges
+        return len(edges) > 0 if term.where == "edges" else bool(self.system.size(term.where))
+
+    def _pulls(self, motion: Motion, state: State, dt: float, memory: dict[str, Tensor]) -> Tensor | None:
+        """The force [N] of all pair laws on the first end of each edge."""
+        sums: dict[str, Tensor] = {}
+        for term, values in self._axial:
+            remembered = _of(term, state.memory) if term.memory else {}
+            tension, after = term.tension(motion, values, remembered, dt)
+            memory.update({f"{term.name}.{name}": value for name, value in after.items()})
+            sums[term.where] = sums[term.where] + tension if term.where in sums else tension
+        total = sums.get("edges")
+        joined = motion.join(sums.get("springs"), sums.get("controllers"), motion.length) if sums else None
+        if joined is not None:
+            total = joined if total is None else total + joined
+        pulls = None if total is None else total.unsqueeze(-1) * motion.axis
+        for pair, values in self._pair:
+            more = spread(motion, pair.where, pair.edge_force(motion, values))
+            pulls = more if pulls is None else pulls + more
+        return pulls
+
+
+def _of(term: AxialForce, memory: Values) -> dict[str, Tensor]:
+    return {name: memory[f"{term.name}.{name}"] for name in term.memory}
+
+
+def _joined(system: System, constants: Values) -> Tensor:
+    """Rest lengths of springs and controller springs, one per edge."""
+    springs, held = constants["rest_length"], constants["controller_rest_length"]
+    springs = springs.expand(*springs.shape[:-1], system.edges.spring_count)
+    if not system.edges.controller_spring_count:
+        return springs
+    held = held.expand(*held.shape[:-1], system.edges.controller_spring_count)
+    batch = broadcast(springs.shape[:-1], held.shape[:-1])
+    return torch.cat([springs.expand(*batch, springs.shape[-1]), held.expand(*batch, held.shape[-1])], -1)

@@ -1,0 +1,10 @@
+"""Force terms. One law, one file; listed here, a term is in the shared property tests."""
+
+from model.simulator.forces.controller import ControllerSpring
+from model.simulator.forces.dashpot import Dashpot
+from model.simulator.forces.drag import Drag
+from model.simulator.forces.gravity import Gravity
+from model.simulator.forces.spring import Spring
+from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
+
+ALL_FORCES = (Spring, ControllerSpring, Dashpot, UnprojectedDashpot, Gravity, Drag)

@@ -1,0 +1,93 @@
+"""The constants of a law as tensors that may be learned."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypeAlias
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from model.errors import InputError
+
+Over: TypeAlias = Literal["scene", "vector", "points", "springs", "controllers", "edges"]
+"""What a constant has one value for; `edges` are the springs followed by the controller springs."""
+TensorLike: TypeAlias = Tensor | np.ndarray | float | tuple[float, ...]
+Values: TypeAlias = Mapping[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """What a law needs to know about one of its constants."""
+
+    unit: str
+    over: Over
+    range: tuple[float, float]
+    """Where its value plausibly lies; what fits search and property tests draw from."""
+    positive: bool = True
+    """Never below zero, so optimised by its logarithm."""
+
+
+class Parametric(nn.Module):
+    """Holds the values of declared constants.
+
+    A value without gradients becomes the parameter `log_<name>` (positive constants) or `<name>`, with
+    `requires_grad=False` until someone asks for it. A tensor that already requires gradients is kept as it
+    is, under `<name>`: the caller owns its parameterisation, and gradients flow to the caller's leaf.
+    Each value has one number, or as many as `Constant.over` says, and may have leading batch dimensions.
+    """
+
+    constants: ClassVar[Mapping[str, Constant]] = {}
+
+    def __init__(self, **values: TensorLike) -> None:
+        """Store one value [in the constant's unit] for each declared constant.
+
+        Raises:
+            InputError: a value is not finite, or negative where it must not be.
+        """
+        super().__init__()
+        for name, constant in self.constants.items():
+            self._store(name, _tensor(values[name]), constant)
+
+    def _store(self, name: str, value: Tensor, constant: Constant) -> None:
+        known = value.detach()
+        if not bool(torch.isfinite(known).all()):
+            raise InputError(
+                f"{name} of {type(self).__name__} is not finite: give finite values [{constant.unit}]"
+            )
+        if constant.positive and bool((known < 0).any()):
+            raise InputError(
+                f"{name} of {type(self).__name__} is negative: give values >= 0 [{constant.unit}]"
+            )
+        if value.requires_grad:
+            setattr(self, name, value)
+        elif constant.positive:
+            self.register_parameter(f"log_{name}", nn.Parameter(known.log(), requires_grad=False))
+        else:
+            self.register_parameter(name, nn.Parameter(known.clone(), requires_grad=False))
+
+    def value(self, name: str) -> Tensor:
+        """The constant `name` in its unit, on the graph of whatever it depends on."""
+        stored = getattr(self, f"log_{name}", None)
+        if isinstance(stored, Tensor):
+            return stored.exp()
+        value = getattr(self, name)
+        assert isinstance(value, Tensor)
+        return value
+
+    def values(self, like: Tensor) -> dict[str, Tensor]:
+        """All constants, with the data type and device of `like`."""
+        return {name: self.value(name).to(dtype=like.dtype, device=like.device) for name in self.constants}
+
+
+def _tensor(value: TensorLike) -> Tensor:
+    """Keep tensors; numbers become float64 so that no digit is lost before the simulator's dtype is known."""
+    if isinstance(value, Tensor):
+        return value if value.is_floating_point() else value.to(torch.float64)
+    array = np.asarray(value)
+    return torch.from_numpy(np.array(array, dtype=array.dtype if array.dtype == np.float32 else np.float64))
+
+
+def broadcast(*shapes: tuple[int, ...]) -> torch.Size:
+    """The shape that tensors of these shapes take together."""
+    return torch.Size(np.broadcast_shapes(*shapes))

@@ -1,0 +1,318 @@
+"""The simulator: a system, what acts on it, and how time advances."""
+
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.utils.checkpoint import checkpoint as checkpointed
+
+from model.errors import InputError
+from model.simulator.contacts.base import ContactTerm
+from model.simulator.divergence import explain, finite
+from model.simulator.dynamics import Dynamics
+from model.simulator.forces.base import ForceTerm
+from model.simulator.integrators.base import Integrator
+from model.simulator.integrators.semi_implicit_euler import SemiImplicitEuler
+from model.simulator.parameters import broadcast
+from model.simulator.stability import stable_step
+from model.simulator.system import Anchors, State, System, check_shapes
+
+MARGIN = 1.2
+"""How many more substeps than the stability bound asks for at the state it was computed at."""
+LONGEST = 5e-4
+"""The longest substep [s], for systems so soft that stability asks for less: a first-order step errs by about
+dt/2 in time, and so by 0.5 % of the motion in 0.1 s."""
+
+Progress: TypeAlias = Callable[[int, int], None]
+"""Called after each frame with the frames done and the frames there are."""
+
+
+class StabilityWarning(UserWarning):
+    """The substeps asked for are fewer than the stability bound allows."""
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What a simulator did; frame 0 is the state it started from."""
+
+    times: Float[Tensor, " T"]
+    """[s]."""
+    points: Float[Tensor, "T *b N 3"]
+    """[m]."""
+    velocities: Float[Tensor, "T *b N 3"]
+    """[m/s]."""
+    end: State
+    """The state of the last frame, from which another rollout may go on."""
+    substeps: tuple[int, ...]
+    """Per frame interval."""
+
+
+class Simulator(nn.Module):
+    """Composes force terms, contact terms and an integrator over a system; it owns no physics itself.
+
+    Args:
+        system: What moves.
+        forces: What acts on it; names must differ.
+        contacts: What it meets, resolved in this order in each substep.
+        integrator: How time advances.
+
+    Raises:
+        InputError: two terms of one name, or constants whose shape does not fit the system.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        forces: Sequence[ForceTerm],
+        contacts: Sequence[ContactTerm] = (),
+        integrator: Integrator | None = None,
+    ) -> None:
+        """See the class."""
+        super().__init__()
+        names: list[str] = [*(term.name for term in forces), *(term.name for term in contacts)]
+        if len(set(names)) < len(names):
+            raise InputError(f"two terms of the simulator have the same name: {', '.join(sorted(names))}")
+        self.system = system
+        self.forces = nn.ModuleDict({term.name: term for term in forces})
+        self.contacts = nn.ModuleDict({term.name: term for term in contacts})
+        self.integrator = integrator or SemiImplicitEuler()
+        for name, term in zip(names, [*forces, *contacts], strict=True):
+            check_shapes(term, system, name)
+
+    def force(self, name: str) -> ForceTerm:
+        """The force term of that name."""
+        term = self.forces[name]
+        assert isinstance(term, ForceTerm)
+        return term
+
+    def contact(self, name: str) -> ContactTerm:
+        """The contact term of that name."""
+        term = self.contacts[name]
+        assert isinstance(term, ContactTerm)
+        return term
+
+    def with_force(self, force: ForceTerm) -> "Simulator":
+        """A new simulator with `force` added, or in place of the one of its name; all else is shared."""
+        forces = {**{name: self.force(name) for name in self.forces}, force.name: force}
+        return Simulator(self.system, list(forces.values()), self._contacts(), self.integrator)
+
+    def with_contact(self, contact: ContactTerm) -> "Simulator":
+        """A new simulator with `contact` first, or in place of the one of its name; all else is shared."""
+        contacts = {contact.name: contact, **{term.name: term for term in self._contacts()}}
+        contacts[contact.name] = contact
+        return Simulator(self.system, self._forces(), list(contacts.values()), self.integrator)
+
+    def dynamics(self) -> Dynamics:
+        """All terms with their constants evaluated, as the integrator wants them."""
+        return Dynamics(self.system, self._forces(), self._contacts())
+
+    def rest_state(self) -> State:
+        """At rest positions and at rest."""
+        return self.system.rest_state()
+
+    def step(self, state: State, anchors: Anchors | None, dt: float) -> State:
+        """One substep of `dt` [s]; `anchors` is where the controllers are at its end."""
+        dynamics = self.dynamics()
+        return self.integrator.step(dynamics, _remembering(dynamics, state, anchors), anchors, dt)
+
+    def needed_substeps(self, interval: float, state: State | None = None, margin: float = MARGIN) -> int:
+        """Substeps that keep `interval` [s] stable near `state`, with a margin; see `stable_step`."""
+        with torch.no_grad():
+            dynamics = self.dynamics()
+            start = self._start(dynamics, state, None)
+            anchors = self._held()
+            return substeps_for(
+                interval, stable_step(dynamics, _remembering(dynamics, start, anchors), anchors), margin
+            )
+
+    def forward(self, *args: object, **kwargs: object) -> Rollout:
+        """Same as `rollout`, so that `torch.func.functional_call` reaches it."""
+        return self.rollout(*args, **kwargs)  # type: ignore[arg-type]
+
+    def rollout(
+        self,
+        state: State | None = None,
+        controls: Float[Tensor, "T *b C 3"] | Float[np.ndarray, "T C 3"] | None = None,
+        *,
+        frames: int | None = None,
+        fps: float = 30.0,
+        times: Sequence[float] | Float[np.ndarray, " T"] | None = None,
+        substeps: int | None = None,
+        checkpoint: bool = False,
+        progress: Progress | None = None,
+    ) -> Rollout:
+        """A trajectory of T frames, frame 0 being `state`.
+
+        Args:
+            state: Where to start; None: at rest.
+            controls: Motion of the controllers [m], linear between frames; None: they stay at rest.
+            frames: T, where neither `controls` nor `times` says it.
+            fps: Frames per second, where `times` does not say it.
+            times: Time of each frame [s], strictly increasing.
+            substeps: Per frame interval; None: what the stability bound asks for, with a margin.
+            checkpoint: Store one state per frame for the backward pass and compute the rest again there.
+            progress: Called after each frame.
+
+        Raises:
+            InputError: controls, times and frames that do not fit each other or the system.
+            SimulationDiverged: a state is not finite; says frame, point and term.
+
+        Warns:
+            StabilityWarning: `substeps` is below the stability bound.
+        """
+        clock = _clock(times, frames if controls is None else len(controls), fps)
+        motion = self._controls(controls, len(clock))
+        dynamics = self.dynamics()
+        now = self._start(dynamics, state, motion)
+        now = _remembering(
+            dynamics, now, None if motion is None else Anchors(motion[0], torch.zeros_like(motion[0]))
+        )
+        counts = self._counts(dynamics, now, motion, np.diff(clock), substeps)
+        history = [now]
+        for frame, (interval, count) in enumerate(zip(np.diff(clock), counts, strict=True), start=1):
+            dt = float(interval) / count
+            drive = _Drive(motion, frame, float(interval), count)
+            before = now
+            if checkpoint and torch.is_grad_enabled():
+                now = checkpointed(self._advance, dynamics, before, drive, dt, use_reentrant=False)
+            else:
+                now = self._advance(dynamics, before, drive, dt)
+            if not finite(now):
+                raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
+            history.append(now)
+            if progress is not None:
+                progress(frame, len(clock) - 1)
+        return Rollout(
+            torch.from_numpy(clock),
+            torch.stack([s.positions for s in history]),
+            torch.stack([s.velocities for s in history]),
+            now,
+            tuple(counts),
+        )
+
+    def _advance(self, dynamics: Dynamics, state: State, drive: "_Drive", dt: float) -> State:
+        for substep in range(drive.count):
+            state = self.integrator.step(dynamics, state, drive(substep), dt)
+        return state
+
+    def _counts(
+        self,
+        dynamics: Dynamics,
+        state: State,
+        motion: Tensor | None,
+        intervals: np.ndarray,
+        given: int | None,
+    ) -> list[int]:
+        """Substeps of each interval."""
+        if not len(intervals):
+            return []
+        if given is not None and given < 1:
+            raise InputError(f"substeps is {given}: give at least 1, or leave it out")
+        anchors = None if motion is None else Anchors(motion[0].detach(), torch.zeros_like(motion[0]))
+        limit = stable_step(dynamics, state, anchors)
+        if given is None:
+            return [substeps_for(float(interval), limit, MARGIN) for interval in intervals]
+        if float(intervals.max()) / given >= limit:
+            least = math.ceil(float(intervals.max()) / limit)
+            warnings.warn(
+                f"{given} substeps per frame: stability needs {least}", StabilityWarning, stacklevel=3
+            )
+        return [given] * len(intervals)
+
+    def _start(self, dynamics: Dynamics, state: State | None, motion: Tensor | None) -> State:
+        """The state to start from, with the batch that the constants and controls have."""
+        start = state or self.rest_state()
+        if start.positions.shape[-2:] != self.system.points.shape:
+            raise InputError(
+                f"the state has {start.positions.shape[-2]} points, the system {len(self.system.points)}"
+            )
+        controlled = torch.Size(()) if motion is None else motion.shape[1:-2]
+        batch = broadcast(dynamics.batch, controlled, start.positions.shape[:-2])
+        shape = (*batch, *self.system.points.shape)
+        return replace(
+            start, positions=start.positions.expand(shape), velocities=start.velocities.expand(shape)
+        )
+
+    def _controls(self, controls: Tensor | np.ndarray | None, frames: int) -> Tensor | None:
+        """Motion of the controllers [m], shape [T, *b, C, 3]; None where nothing is held."""
+        count = self.system.controller_count
+        if not count:
+            return None
+        if controls is None:
+            held = self._held()
+            assert held is not None
+            return held.positions.expand(frames, -1, -1)
+        motion = torch.as_tensor(controls).to(self.system.points)
+        if len(motion) != frames or motion.shape[-2:] != (count, 3):
+            raise InputError(
+                f"controls have shape {list(motion.shape)}: the controllers need [{frames}, {count}, 3]"
+            )
+        if not bool(torch.isfinite(motion.detach()).all()):
+            raise InputError("controls are not finite: give a place [m] of every controller in every frame")
+        return motion
+
+    def _held(self) -> Anchors | None:
+        """The controllers at rest."""
+        if not self.system.controller_count:
+            return None
+        held = self.system.controller_points
+        if held is None:
+            raise InputError("the system has controllers but no rest places of them: give controls")
+        return Anchors(held, torch.zeros_like(held))
+
+    def _forces(self) -> list[ForceTerm]:
+        return [self.force(name) for name in self.forces]
+
+    def _contacts(self) -> list[ContactTerm]:
+        return [self.contact(name) for name in self.contacts]
+
+
+@dataclass(frozen=True)
+class _Drive:
+    """Controllers between two frames: linear in time, so of constant velocity."""
+
+    motion: Tensor | None
+    frame: int
+    interval: float
+    count: int
+
+    def __call__(self, substep: int) -> Anchors | None:
+        """Anchors at the end of `substep` (from 0)."""
+        if self.motion is None:
+            return None
+        before, after = self.motion[self.frame - 1], self.motion[self.frame]
+        way = after - before
+        return Anchors(before + way * ((substep + 1) / self.count), way / self.interval)
+
+
+def substeps_for(interval: float, limit: float, margin: float) -> int:
+    """Substeps of `interval` [s], each at most `limit` / `margin` and at most LONGEST [s]."""
+    return math.ceil(interval * max(margin / limit, 1 / LONGEST))
+
+
+def _remembering(dynamics: Dynamics, state: State, anchors: Anchors | None) -> State:
+    """The state with the memory at rest of what it does not remember yet."""
+    return replace(state, memory={**dynamics.rest_memory(state, anchors), **state.memory})
+
+
+def _clock(times: Sequence[float] | np.ndarray | None, frames: int | None, fps: float) -> np.ndarray:
+    if times is None:
+        if frames is None:
+            raise InputError("how long to roll out is not said: give controls, times or frames")
+        if frames < 1 or not (math.isfinite(fps) and fps > 0):
+            raise InputError(
+                f"{frames} frames at {fps} per second: give at least one frame, and a rate above 0"
+            )
+        return np.arange(frames, dtype=np.float64) / fps
+    clock = np.asarray(times, dtype=np.float64)
+    if frames is not None and len(clock) != frames:
+        raise InputError(f"{len(clock)} times for {frames} frames: give one time [s] per frame")
+    if not len(clock) or not np.isfinite(clock).all() or not (np.diff(clock) > 0).all():
+        raise InputError("times must be finite and strictly increasing [s]")
+    return clock
