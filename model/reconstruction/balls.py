@@ -1,0 +1,231 @@
+"""Inscribed balls: the silhouette as a union of round bodies that rest on the ground or hang in the air."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float64
+from scipy import ndimage
+
+from model.reconstruction.volume import Volume, grid_around
+from model.types import Array, Camera
+
+FLATTEST = 0.45
+"""Thickness to width of a body that is as wide as it is long (a cushion)."""
+
+
+@dataclass(frozen=True)
+class Balls:
+    """Oblate ellipsoids: equal across, flattened along one common axis."""
+
+    centers: Float64[Array, "K 3"]
+    """[m]."""
+    radii: Float64[Array, " K"]
+    """Across the axis [m]."""
+    axis: Float64[Array, " 3"]
+    """Unit vector along which they are flattened: the ground's normal, or towards the camera."""
+    flatness: float
+    """Radius along the axis over radius across it."""
+
+    @property
+    def extent(self) -> float:
+        """Largest extent of the body they make [m]."""
+        directions = _sphere_directions(400)
+        along = directions @ self.axis
+        support = np.sqrt(1.0 - along**2 * (1.0 - self.flatness**2))
+        reach = self.centers @ directions.T
+        widths = (reach + self.radii[:, None] * support).max(0) - (reach - self.radii[:, None] * support).min(
+            0
+        )
+        return float(widths.max())
+
+
+def flatness_of(mask: Bool[Array, "H W"]) -> float:
+    """Thickness over width that a body with this outline probably has.
+
+    Limbs and ropes are round; the wider a body is for its length, the flatter it lies (cushions).
+    A stated assumption: one view does not show thickness.
+    """
+    widest = float(cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5).max())
+    rows, columns = np.nonzero(mask)
+    length = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
+    return float(np.interp(widest / length, [0.08, 0.32], [1.0, FLATTEST]))
+
+
+def resting_balls(mask: Bool[Array, "H W"], camera: Camera, flatness: float, ground_height: float) -> Balls:
+    """Balls that lie on the ground z = `ground_height` [m] and project onto `mask`.
+
+    Each ball is inscribed in the outline; its middle is as high as the thickest ball around it needs to
+    rest on the ground, so a limb's middle line is one radius up and the outline is kept from any pitch.
+    """
+    axis = np.array([0.0, 0.0, 1.0])
+    rows, columns = np.nonzero(mask)
+    middle = np.array([[columns.mean(), rows.mean()]])
+    anchor = plane_points(camera, middle, axis, ground_height)[0]
+    direction, squeeze = _foreshortening(camera, anchor, axis, flatness)
+    pixels, radii, thickness = inscribed(mask, direction, squeeze)
+    focal = _focal(camera)
+    centers = plane_points(camera, pixels, axis, np.full(len(pixels), ground_height))
+    for _ in range(4):  # the height depends on the depth and the depth on the height: a contraction
+        depth = camera.to_camera(centers)[:, 2]
+        height = ground_height + flatness * thickness * depth / focal
+        centers = plane_points(camera, pixels, axis, height)
+    depth = camera.to_camera(centers)[:, 2]
+    return Balls(centers, radii * depth / focal, axis, flatness)
+
+
+def floating_balls(mask: Bool[Array, "H W"], camera: Camera, flatness: float, depth: float) -> Balls:
+    """Balls whose middles lie at `depth` [m] from the camera and that project onto `mask`."""
+    pixels, radii, _ = inscribed(mask, np.array([1.0, 0.0]), 1.0)
+    centers = camera.unproject(pixels, np.full(len(pixels), depth))
+    return Balls(centers, radii * depth / _focal(camera), -camera.forward, flatness)
+
+
+def plane_points(
+    camera: Camera, pixels: Float[Array, "K 2"], normal: Float64[Array, " 3"], offset: float | Array
+) -> Float64[Array, "K 3"]:
+    """Where the rays of pixels meet the plane(s) normal·x = offset [m]; the horizon is capped far away."""
+    rays = camera.unproject(pixels, np.ones(len(pixels))) - camera.position
+    slope = rays @ normal
+    gap = offset - camera.position @ normal
+    parameter = gap / np.where(np.abs(slope) < 1e-9, 1e-9, slope)
+    cap = 50.0 * np.abs(gap) + 1e-9
+    parameter = np.where((parameter > 0) & (parameter < cap), parameter, cap)
+    points: Float64[Array, "K 3"] = camera.position + parameter[:, None] * rays
+    return points
+
+
+def inscribed(
+    mask: Bool[Array, "H W"], direction: Float64[Array, " 2"], squeeze: float
+) -> tuple[Float64[Array, "K 2"], Float64[Array, " K"], Float64[Array, " K"]]:
+    """Few discs that cover a mask, measured after undoing a foreshortening.
+
+    Args:
+        mask: The silhouette.
+        direction: Unit image direction along which things look shorter than they are.
+        squeeze: By how much, 0..1.
+
+    Returns:
+        Centres [px], radii [px] and the radius of the thickest body around each centre [px].
+    """
+    rows, columns = np.nonzero(mask)
+    corner = np.array([columns.min(), rows.min()], np.float64)
+    stretch = np.eye(2) + (1.0 / squeeze - 1.0) * np.outer(direction, direction)
+    size = np.array([np.ptp(columns), np.ptp(rows)]) + 1.0
+    ends = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ stretch.T
+    shift = 4.0 - ends.min(0)
+    width, height = (int(v) for v in np.ceil(np.ptp(ends, axis=0)) + 9)
+    affine = np.hstack([stretch, (shift - stretch @ corner)[:, None]])
+    upright = cv2.warpAffine(mask.astype(np.float32), affine, (width, height)) > 0.5
+    centers, radii, thickness = _cover(upright)
+    return (centers - affine[:, 2]) @ np.linalg.inv(stretch).T, radii, thickness
+
+
+def _cover(
+    mask: Bool[Array, "H W"],
+) -> tuple[Float64[Array, "K 2"], Float64[Array, " K"], Float64[Array, " K"]]:
+    """Greedy cover of a mask by inscribed discs, largest first; with the local thickness."""
+    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # A disc that lies inside a neighbour's adds nothing: keep the ridge, where the distance turns.
+    slope = np.hypot(*np.gradient(distance))
+    ridge = mask & (slope < 0.93)
+    rows, columns = np.nonzero(ridge if ridge.any() else mask)
+    order = np.argsort(-distance[rows, columns], kind="stable")
+    covered = np.zeros(mask.shape, np.uint8)
+    kept = []
+    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
+        radius = max(float(distance[row, column]) - 0.5, 0.5)
+        reach = int(np.ceil(radius))
+        window = covered[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
+        disc = _disc(radius, reach)[
+            max(reach - row, 0) : max(reach - row, 0) + window.shape[0],
+            max(reach - column, 0) : max(reach - column, 0) + window.shape[1],
+        ]
+        if np.any(disc & (window == 0)):
+            window[disc] = 1
+            kept.append((column, row, radius))
+    discs = np.array(kept, np.float64)
+    return discs[:, :2], discs[:, 2], _local_thickness(mask, discs)
+
+
+def _local_thickness(mask: Bool[Array, "H W"], discs: Float64[Array, "K 3"]) -> Float64[Array, " K"]:
+    """Radius of the largest disc over each centre, made to change gradually along the body."""
+    thickness = np.zeros(mask.shape, np.float32)
+    for column, row, radius in discs[::-1]:  # ascending: larger ones overwrite
+        cv2.circle(thickness, (int(column), int(row)), max(round(radius), 1), float(radius), -1)
+    known = (mask & (thickness > 0)).astype(np.float32)
+    sigma = 0.25 * float(discs[0, 2]) + 0.5
+    smooth = cv2.GaussianBlur(thickness * known, (0, 0), sigma) / np.maximum(
+        cv2.GaussianBlur(known, (0, 0), sigma), 1e-6
+    )
+    at_centres = smooth[discs[:, 1].astype(int), discs[:, 0].astype(int)].astype(np.float64)
+    thickest: Float64[Array, " K"] = np.maximum(at_centres, discs[:, 2])
+    return thickest
+
+
+def _disc(radius: float, reach: int) -> Bool[Array, "D D"]:
+    offset = np.arange(-reach, reach + 1)
+    inside: Bool[Array, "D D"] = offset[:, None] ** 2 + offset[None, :] ** 2 <= radius**2
+    return inside
+
+
+def inflate(balls: Balls, axes: Float64[Array, "3 3"], finest: float) -> Volume:
+    """The union of balls as a volume on a grid with the given axes; `finest` is its least spacing [m]."""
+    local = balls.centers @ axes
+    reach = balls.radii[:, None]
+    shape, origin, spacing = grid_around((local - reach).min(0), (local + reach).max(0), axes, finest)
+    distance = np.full(shape, -10.0 * spacing, np.float32)
+    volume = Volume(distance, origin, axes, spacing)
+    paint_balls(volume, balls)
+    smooth = ndimage.gaussian_filter(volume.distance, 0.7)
+    return Volume(smooth, origin, axes, spacing)
+
+
+def paint_balls(volume: Volume, balls: Balls) -> None:
+    """Raise a volume's distance where balls are, in place."""
+    index = (balls.centers - volume.origin) @ volume.axes / volume.spacing
+    along_axis = volume.axes.T @ balls.axis
+    counts = np.array(volume.distance.shape)
+    for center, radius in zip(index, balls.radii / volume.spacing, strict=True):
+        low = np.maximum(np.floor(center - radius - 2).astype(int), 0)
+        high = np.minimum(np.ceil(center + radius + 3).astype(int), counts)
+        if np.any(high <= low):
+            continue
+        box = tuple(slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
+        offset = [
+            (np.arange(a, b) - c).reshape([-1 if i == j else 1 for j in range(3)])
+            for i, (a, b, c) in enumerate(zip(low, high, center, strict=True))
+        ]
+        squared = offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2
+        along = offset[0] * along_axis[0] + offset[1] * along_axis[1] + offset[2] * along_axis[2]
+        scaled = np.sqrt(np.maximum(squared + along**2 * (balls.flatness**-2 - 1.0), 0.0))
+        inside = (radius - scaled) * (balls.flatness if balls.flatness < 1 else 1.0) * volume.spacing
+        volume.distance[box] = np.maximum(volume.distance[box], inside)
+
+
+def _foreshortening(
+    camera: Camera, anchor: Float64[Array, " 3"], axis: Float64[Array, " 3"], flatness: float
+) -> tuple[Float64[Array, " 2"], float]:
+    """Image direction and factor by which a flattened ball at `anchor` looks shorter than it is wide."""
+    ray = anchor - camera.position
+    ray = ray / np.linalg.norm(ray)
+    steepness = abs(float(ray @ axis))
+    step = 1e-3 * float(np.linalg.norm(anchor - camera.position))
+    ends, _ = camera.project(np.stack([anchor, anchor + step * axis]))
+    towards = ends[1] - ends[0]
+    norm = float(np.linalg.norm(towards))
+    direction = towards / norm if norm > 1e-6 else np.array([0.0, -1.0])
+    return direction, float(np.sqrt(steepness**2 + flatness**2 * (1.0 - steepness**2)))
+
+
+def _focal(camera: Camera) -> float:
+    return float(np.sqrt(camera.intrinsics[0, 0] * camera.intrinsics[1, 1]))
+
+
+def _sphere_directions(count: int) -> Float64[Array, "D 3"]:
+    """Even directions over half a sphere (Fibonacci lattice)."""
+    index = np.arange(count) + 0.5
+    height = index / count
+    angle = np.pi * (1.0 + 5.0**0.5) * index
+    flat = np.sqrt(1.0 - height**2)
+    return np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=-1)

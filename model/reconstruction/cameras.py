@@ -1,0 +1,288 @@
+"""How the image relates to the metric, upright world: intrinsics, gravity, ground and scale.
+
+Each is taken from the best source there is, and the result says which:
+
+=========== =======================================================================================
+what        sources, best first
+=========== =======================================================================================
+intrinsics  camera file; lines of the scene, where they fix the focal length; 70° assumed
+gravity     pose in the camera file; plane fitted to depth; lines of the scene; a stated default
+ground      camera file; z = 0 of a file's pose that the object's rays meet; the surface the object is
+            seen to rest on; none
+scale       ``size_m`` given by the user; pose and ground of the camera file; depth; 0.3 m assumed
+=========== =======================================================================================
+
+``size_m`` is the largest extent of the object on the keyframe. Given explicitly it wins over every other
+source: the camera then moves along its rays until the object has that size.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float64
+
+from model.errors import InputError
+from model.reconstruction.camera_file import CameraFile, read_camera_file
+from model.reconstruction.gravity import (
+    Tilt,
+    field_of_view_from_lines,
+    intrinsics_for,
+    tilt_from_lines,
+)
+from model.reconstruction.ground import ground_from_depth
+from model.reconstruction.silhouette import completed_mask, extent_of
+from model.reconstruction.support import Support, background_of, find_support
+from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks, ShapeClass
+
+DEFAULT_SIZE = 0.3
+"""Largest extent of an object whose size nobody tells [m]."""
+DEFAULT_FIELD_OF_VIEW = np.deg2rad(70.0)
+"""Of the longer side: between phones (65–70°) and depth cameras (70–90°)."""
+TABLE_PITCH = np.deg2rad(50.0)
+"""How far a camera over a table looks down."""
+AIR_PITCH = np.deg2rad(15.0)
+"""How far a camera looks down on a person holding something."""
+
+
+def calibrate(
+    frames: Frames,
+    masks: Masks,
+    *,
+    camera_file: Path | None,
+    size_m: float | None,
+    shape_class: ShapeClass,
+    depth: Float[Array, "H W"] | None = None,
+) -> Calibration:
+    """Fix camera, gravity, ground and scale for the keyframe.
+
+    The world's origin lies on the ground below the object, x to the image's right and y into the depth,
+    unless a camera file brings its own world. Without a ground it lies in the object's middle.
+
+    Args:
+        frames: The clip.
+        masks: Object and hand.
+        camera_file: See `model.reconstruction.camera_file` for the format.
+        size_m: Largest extent of the object [m], if the user knows it.
+        shape_class: What is inflated for measuring that extent.
+        depth: Depth of the keyframe [m], aligned to the colour image, 0 = missing; needs intrinsics.
+
+    Raises:
+        InputError: the camera file is wrong, the size is not a positive number, or the keyframe shows
+            no object.
+    """
+    if size_m is not None and not (np.isfinite(size_m) and 1e-3 <= size_m <= 100.0):
+        raise InputError(f"the size of the object must be between 0.001 and 100 m, found {size_m}")
+    if not masks.object[masks.keyframe].any():
+        raise InputError(f"{frames.name}: no object on keyframe {masks.keyframe}; give --mask or --box")
+    height, width = frames.images.shape[1:3]
+    file = read_camera_file(camera_file, width, height) if camera_file else None
+    if depth is not None and file is None:
+        raise InputError("depth needs a camera file with the intrinsics it was taken with; give --camera")
+    if file is not None and file.world_from_camera is not None:
+        return _posed(frames, masks, file, size_m, shape_class)
+    if depth is not None and file is not None:
+        metric = _from_depth(frames, masks, file, size_m, shape_class, depth)
+        if metric is not None:
+            return metric
+    return _from_image(frames, masks, file, size_m, shape_class)
+
+
+def _posed(
+    frames: Frames, masks: Masks, file: CameraFile, size_m: float | None, shape_class: ShapeClass
+) -> Calibration:
+    """A pose is given: it fixes gravity, and with a ground also the scale."""
+    assert file.world_from_camera is not None
+    camera = _camera(file.intrinsics, file.world_from_camera, frames)
+    ground, source = file.ground_height, "camera file"
+    if ground is None and _meets(camera, masks.object[masks.keyframe], 0.0):
+        ground, source = 0.0, "plane z = 0 of the camera file's world, which the object's rays meet"
+    calibration = Calibration(
+        camera, file.gravity, ground, "pose and ground of the camera file", "camera file (pose)", source
+    )
+    if ground is None:
+        calibration = replace(calibration, ground_source="none: the camera file names no ground in view")
+        return _floating(frames, masks, calibration, size_m, shape_class)
+    if not _meets(camera, masks.object[masks.keyframe], ground):
+        raise InputError(
+            f"the camera file's ground_height {ground:g} is not where the camera looks at the object; check "
+            "world_from_camera and the direction of gravity"
+        )
+    return calibration if size_m is None else _sized(masks, calibration, size_m, "stated", shape_class)
+
+
+def _from_depth(
+    frames: Frames,
+    masks: Masks,
+    file: CameraFile,
+    size_m: float | None,
+    shape_class: ShapeClass,
+    depth: Float[Array, "H W"],
+) -> Calibration | None:
+    """Gravity, ground and scale from the plane around the object in depth; None if there is no plane."""
+    key = masks.keyframe
+    plane = ground_from_depth(depth, file.intrinsics, masks.object[key], masks.hand[key])
+    if plane is None:
+        return None
+    pose = _pose_over_ground(plane.up, plane.camera_height)
+    camera = _centred(_camera(file.intrinsics, pose, frames), masks.object[key])
+    near = f"{plane.inliers:.0%} within {plane.tolerance * 1e3:.0f} mm"
+    calibration = Calibration(
+        camera,
+        file.gravity,
+        0.0,
+        "depth in millimetres",
+        "intrinsics from the camera file, gravity from the plane under the object in depth",
+        f"plane fitted to depth around the object ({near})",
+    )
+    return calibration if size_m is None else _sized(masks, calibration, size_m, "stated", shape_class)
+
+
+def _from_image(
+    frames: Frames, masks: Masks, file: CameraFile | None, size_m: float | None, shape_class: ShapeClass
+) -> Calibration:
+    """No pose: gravity from lines or a default, the ground from what the object rests on."""
+    support = find_support(frames, masks)
+    picture = background_of(frames) if support.static else frames.images[masks.keyframe]
+    ignore = _grown(masks.object[masks.keyframe] | masks.hand[masks.keyframe], 9)
+    default = TABLE_PITCH if support.present else AIR_PITCH
+    if file is not None:
+        intrinsics, lens = file.intrinsics, "intrinsics from the camera file"
+    else:
+        intrinsics, lens = _assumed_intrinsics(picture, ignore, default, support)
+    tilt = tilt_from_lines(picture, ignore, intrinsics, float(default))
+    doubts: tuple[str, ...] = ()
+    if not tilt.reliable:
+        angle = np.rad2deg(default)
+        doubts = (f"the direction of gravity is a default: camera looks down {angle:.0f}° ({tilt.evidence})",)
+    camera = _camera(intrinsics, _pose_over_ground(tilt.up, 1.0), frames)
+    calibration = Calibration(
+        camera,
+        file.gravity if file else STANDARD_GRAVITY,
+        0.0 if support.present else None,
+        "",
+        f"{lens}; {_tilt_source(tilt)}",
+        f"{'estimated from the image' if support.present else 'none'}: {support.reason}",
+        doubts,
+    )
+    if support.present and _meets(camera, masks.object[masks.keyframe], 0.0):
+        calibration = replace(calibration, camera=_centred(camera, masks.object[masks.keyframe]))
+        stated = "stated" if size_m is not None else "assumed"
+        return _sized(masks, calibration, size_m or DEFAULT_SIZE, stated, shape_class)
+    if support.present:
+        calibration = replace(calibration, ground_source="none: the object reaches above the horizon")
+    return _floating(frames, masks, replace(calibration, ground_height=None), size_m, shape_class)
+
+
+def _assumed_intrinsics(
+    picture: Array, ignore: Bool[Array, "H W"], default_pitch: float, support: Support
+) -> tuple[Float64[Array, "3 3"], str]:
+    """Intrinsics without a camera file, and the sentence that says where they come from."""
+    height, width = picture.shape[:2]
+    # A moving camera leaves no clean background; lines of people and things would mislead.
+    seen = field_of_view_from_lines(picture, ignore, float(default_pitch)) if support.static else None
+    if seen is not None:
+        lens = f"field of view {np.rad2deg(seen):.0f}° along the longer side estimated from the scene's lines"
+        return intrinsics_for(seen, width, height), lens
+    angle = float(DEFAULT_FIELD_OF_VIEW)
+    return intrinsics_for(
+        angle, width, height
+    ), f"field of view {np.rad2deg(angle):.0f}° assumed (longer side)"
+
+
+def _tilt_source(tilt: Tilt) -> str:
+    how = "from straight lines" if tilt.reliable else "by default"
+    pitch, roll = np.rad2deg([tilt.pitch, tilt.roll])
+    return f"looks down {pitch:.0f}°, roll {roll:.0f}°, {how} ({tilt.evidence})"
+
+
+def _sized(
+    masks: Masks, calibration: Calibration, size: float, stated: str, shape_class: ShapeClass
+) -> Calibration:
+    """Move the camera towards or away from the object's foot until the object has its size."""
+    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
+    ratio = size / extent_of(mask, calibration, shape_class)
+    camera, ground = calibration.camera, calibration.ground_height or 0.0
+    pose = camera.world_from_camera.copy()
+    foot = _foot(camera, masks.object[masks.keyframe], ground)
+    pose[:3, 3] = foot + (pose[:3, 3] - foot) * ratio
+    before = calibration.scale_source
+    source = f"{stated}: the object's largest extent is {size:g} m"
+    doubts = calibration.warnings
+    if before and not 0.8 < ratio < 1.25:
+        doubts += (f"the stated size is {ratio:.2f} times what follows from {before}",)
+    return replace(
+        calibration,
+        camera=replace(camera, world_from_camera=pose),
+        scale_source=source + (f" (instead of {before})" if before else ""),
+        warnings=doubts,
+    )
+
+
+def _floating(
+    frames: Frames, masks: Masks, calibration: Calibration, size_m: float | None, shape_class: ShapeClass
+) -> Calibration:
+    """No ground: the object's middle becomes the origin, at the distance where it has its size."""
+    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
+    size = size_m or DEFAULT_SIZE
+    camera = calibration.camera
+    rows, columns = np.nonzero(mask)
+    middle = np.array([[columns.mean(), rows.mean()]])
+    pose = camera.world_from_camera.copy()
+    for depth in (1.0, None):
+        if depth is None:
+            depth = size / extent_of(mask, replace(calibration, camera=camera), shape_class)
+        rotation_only = pose.copy()
+        rotation_only[:3, 3] = 0.0
+        camera = replace(camera, world_from_camera=rotation_only)
+        rotation_only[:3, 3] = -camera.unproject(middle, np.array([depth]))[0]
+        camera = replace(camera, world_from_camera=rotation_only)
+    stated = "stated" if size_m is not None else "assumed"
+    return replace(
+        calibration, camera=camera, scale_source=f"{stated}: the object's largest extent is {size:g} m"
+    )
+
+
+def _camera(intrinsics: Float64[Array, "3 3"], pose: Float64[Array, "4 4"], frames: Frames) -> Camera:
+    return Camera(intrinsics, pose, width=frames.images.shape[2], height=frames.images.shape[1])
+
+
+def _pose_over_ground(up: Float64[Array, " 3"], height: float) -> Float64[Array, "4 4"]:
+    """Pose of a camera `height` [m] over z = 0, given up in its own coordinates."""
+    ahead = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < 0.98 else np.array([0.0, -1.0, 0.0])
+    ahead = ahead - (ahead @ up) * up
+    ahead = ahead / np.linalg.norm(ahead)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([np.cross(ahead, up), ahead, up])
+    pose[2, 3] = height
+    return pose
+
+
+def _foot(camera: Camera, mask: Bool[Array, "H W"], ground: float) -> Float64[Array, " 3"]:
+    """Where the ray through the middle of a mask meets the ground [m]."""
+    rows, columns = np.nonzero(mask)
+    ray = camera.unproject(np.array([[columns.mean(), rows.mean()]]), np.ones(1))[0] - camera.position
+    foot: Float64[Array, " 3"] = camera.position + ray * (ground - camera.position[2]) / ray[2]
+    return foot
+
+
+def _centred(camera: Camera, mask: Bool[Array, "H W"]) -> Camera:
+    """The camera in a world whose origin lies on the ground (z = 0) below the object."""
+    pose = camera.world_from_camera.copy()
+    pose[:2, 3] -= _foot(camera, mask, 0.0)[:2]
+    return replace(camera, world_from_camera=pose)
+
+
+def _meets(camera: Camera, mask: Bool[Array, "H W"], ground: float) -> bool:
+    """Whether all rays of a mask meet the ground in front of the camera, and not far off at the horizon."""
+    rows, columns = np.nonzero(mask)
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    rays = camera.unproject(pixels, np.ones(len(pixels))) - camera.position
+    slope = rays[:, 2] / np.linalg.norm(rays, axis=-1)
+    above = camera.position[2] - ground
+    return bool(above > 0 and slope.max() < -np.sin(np.deg2rad(3.0)))
+
+
+def _grown(mask: Bool[Array, "H W"], reach: int) -> Bool[Array, "H W"]:
+    return cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0

@@ -1,0 +1,211 @@
+"""One view, no weights: the silhouette inflated to a body that projects back onto it."""
+
+from typing import ClassVar
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float64
+from scipy import ndimage
+
+from model.errors import InputError
+from model.reconstruction.balls import (
+    Balls,
+    flatness_of,
+    floating_balls,
+    inflate,
+    paint_balls,
+    plane_points,
+    resting_balls,
+)
+from model.reconstruction.base import Reconstructor
+from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling
+from model.reconstruction.outline import overlap, silhouette_of
+from model.reconstruction.paint import colors_from_image
+from model.reconstruction.volume import Volume, carved, mask_distance, sample_image
+from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, ShapeClass
+
+SHEET_THICKNESS = 0.002
+"""Of cloth, paper, film [m]: a stated assumption."""
+UNDER_HAND = 4
+"""How far the object is continued under an adjoining hand [px of a 480-line image]."""
+
+
+class SilhouetteReconstructor(Reconstructor):
+    """Inflates the silhouette of the keyframe.
+
+    Solids and ropes become a union of balls inscribed in the outline, resting on the ground (or, without
+    a ground, centred at one depth), flattened the more the wider the body is for its length. Sheets
+    become one layer on the ground. The body is then carved and completed until it projects onto the mask.
+
+    Reference:
+        Blum (1967), A transformation for extracting new descriptors of shape (medial axis); and
+        Igarashi et al. (1999), Teddy, on inflating outlines.
+    """
+
+    name: ClassVar[str] = "silhouette"
+    version: ClassVar[str] = "1"
+
+    def __call__(
+        self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
+    ) -> Gaussians:
+        """Reconstruct the object on the keyframe."""
+        image = frames.images[masks.keyframe]
+        mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
+        if np.count_nonzero(mask) < 30:
+            raise InputError(
+                f"{frames.name}: the object covers only {np.count_nonzero(mask)} pixels of the keyframe; "
+                "choose another keyframe or give --mask"
+            )
+        filling = (
+            _sheet(mask, calibration)
+            if shape_class == "sheet"
+            else fill(body_of(mask, calibration, shape_class))
+        )
+        gaussians = filling.painted(colors_from_image(filling, calibration.camera, image, mask))
+        score = overlap(silhouette_of(gaussians, calibration.camera), mask)
+        if score < 0.9:
+            note = f"the reconstruction covers the keyframe's mask with an overlap of only {score:.2f}"
+            return filling.painted(gaussians.colors, (note,))
+        return gaussians
+
+
+def completed_mask(object_mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]) -> Bool[Array, "H W"]:
+    """The object's mask continued a few pixels under the hand, and over small gaps that the hand covers."""
+    reach = max(1, round(UNDER_HAND * object_mask.shape[0] / 480))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    grown = cv2.dilate(object_mask.astype(np.uint8), disc) > 0
+    closed = ndimage.binary_fill_holes(object_mask | (grown & hand))
+    completed: Bool[Array, "H W"] = object_mask | (grown & hand) | (closed & hand)
+    return completed
+
+
+def balls_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: ShapeClass) -> Balls:
+    """The balls that a solid or a rope with this silhouette is made of."""
+    flatness = 1.0 if shape_class == "rope" else flatness_of(mask)
+    if calibration.ground_height is not None:
+        return resting_balls(mask, calibration.camera, flatness, calibration.ground_height)
+    return floating_balls(mask, calibration.camera, flatness, resting_depth(calibration.camera))
+
+
+def extent_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: ShapeClass) -> float:
+    """Largest extent [m] of the body that this silhouette becomes."""
+    if shape_class != "sheet":
+        return balls_of(mask, calibration, shape_class).extent
+    normal, offset = _sheet_plane(calibration)
+    rows, columns = np.nonzero(mask)
+    points = plane_points(
+        calibration.camera, np.stack([columns, rows], -1).astype(np.float64), normal, offset
+    )
+    angle = np.linspace(0.0, np.pi, 180, endpoint=False)
+    across = _in_plane(calibration.camera, normal)
+    widths = np.ptp(points @ across.T @ np.stack([np.cos(angle), np.sin(angle)]), axis=0)
+    return float(widths.max())
+
+
+def resting_depth(camera: Camera) -> float:
+    """Depth [m] of an object that floats: the calibration puts the world's origin into its middle."""
+    return float(camera.to_camera(np.zeros((1, 3)))[0, 2])
+
+
+def body_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: ShapeClass) -> Volume:
+    """The volume of a solid or rope: inflated, carved to the mask, completed where rays miss it."""
+    balls = balls_of(mask, calibration, shape_class)
+    camera = calibration.camera
+    axes = np.eye(3) if calibration.ground_height is not None else camera.world_from_camera[:3, :3].copy()
+    pixel = float(np.median(camera.to_camera(balls.centers)[:, 2]) / camera.intrinsics[0, 0])
+    volume = inflate(balls, axes, 0.5 * pixel)
+    for _ in range(2):
+        volume = _grounded(carved(volume, mask, camera), calibration.ground_height)
+        missing = _missing_balls(volume, mask, camera, balls)
+        if missing is None:
+            break
+        paint_balls(volume, missing)
+    return _grounded(carved(volume, mask, camera), calibration.ground_height)
+
+
+def _grounded(volume: Volume, ground_height: float | None) -> Volume:
+    """Nothing reaches below the ground."""
+    if ground_height is None:
+        return volume
+    height = volume.points[..., 2] - ground_height
+    return Volume(
+        np.minimum(volume.distance, height).astype(np.float32), volume.origin, volume.axes, volume.spacing
+    )
+
+
+def _missing_balls(volume: Volume, mask: Bool[Array, "H W"], camera: Camera, balls: Balls) -> Balls | None:
+    """Balls for the mask's pixels whose rays miss the volume, each where its ray comes nearest to it."""
+    outline = mask_distance(mask)
+    rows, columns = np.nonzero(mask & (outline > 0.4))
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    depth = camera.to_camera(balls.centers)[:, 2]
+    reach = float(balls.radii.max())
+    steps = np.linspace(depth.min() - reach, depth.max() + reach, 72)
+    best = np.full(len(pixels), -np.inf)
+    where = np.full(len(pixels), steps[0])
+    for step in steps:
+        inside = volume.sample(camera.unproject(pixels, np.full(len(pixels), step)))
+        better = inside > best
+        best[better], where[better] = inside[better], step
+    focal = float(camera.intrinsics[0, 0])
+    wanted = np.minimum(outline[rows, columns] * where / focal, 1.5 * volume.spacing)
+    short = best < 0.5 * wanted
+    if not short.any():
+        return None
+    radius = np.maximum(outline[rows, columns] * where / focal, volume.spacing)[short]
+    radius = np.minimum(radius, 6 * volume.spacing)
+    return Balls(camera.unproject(pixels[short], where[short]), radius, balls.axis, balls.flatness)
+
+
+def _sheet(mask: Bool[Array, "H W"], calibration: Calibration) -> Filling:
+    """One even layer on the ground, or facing the camera where there is no ground."""
+    camera = calibration.camera
+    normal, offset = _sheet_plane(calibration)
+    axes = _in_plane(camera, normal)
+    rows, columns = np.nonzero(mask)
+    flat = plane_points(camera, np.stack([columns, rows], -1).astype(np.float64), normal, offset) @ axes.T
+    area = _footprint_area(mask, camera, normal, offset)
+    spacing = float(np.sqrt(area / TARGET_COUNT))
+    low, high = flat.min(0), flat.max(0)
+    lattice = np.stack(
+        np.meshgrid(*(np.arange(a - spacing, b + spacing, spacing) for a, b in zip(low, high, strict=True))),
+        -1,
+    ).reshape(-1, 2)
+    lattice = lattice + np.random.default_rng(0).uniform(-0.1, 0.1, lattice.shape) * spacing
+    points = lattice @ axes + offset * normal
+    pixels, depth = camera.project(points)
+    distance = sample_image(mask_distance(mask), pixels, -10.0) * depth / camera.intrinsics[0, 0]
+    filling = sheet_filling(points[distance > 0.3 * spacing], normal, spacing, SHEET_THICKNESS)
+    share = area * SHEET_THICKNESS / len(filling.means)
+    return Filling(
+        filling.means, filling.normals, filling.scales, np.full(len(filling.means), share), spacing
+    )
+
+
+def _sheet_plane(calibration: Calibration) -> tuple[Float64[Array, " 3"], float]:
+    """Normal and offset [m] of the plane a sheet lies in."""
+    camera = calibration.camera
+    if calibration.ground_height is not None:
+        return np.array([0.0, 0.0, 1.0]), calibration.ground_height + 0.5 * SHEET_THICKNESS
+    normal = -camera.forward
+    return normal, float(normal @ camera.position) - resting_depth(camera)
+
+
+def _in_plane(camera: Camera, normal: Float64[Array, " 3"]) -> Float64[Array, "2 3"]:
+    """Two unit vectors in a plane, the first along the image's rows."""
+    right = camera.world_from_camera[:3, 0]
+    across = right - (right @ normal) * normal
+    across = across / np.linalg.norm(across)
+    return np.stack([across, np.cross(normal, across)])
+
+
+def _footprint_area(
+    mask: Bool[Array, "H W"], camera: Camera, normal: Float64[Array, " 3"], offset: float
+) -> float:
+    """Area [m²] on a plane of what a mask covers in the image."""
+    rows, columns = np.nonzero(mask)
+    corners = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    pixels = np.stack([columns, rows], -1)[:, None] + corners
+    quad = plane_points(camera, pixels.reshape(-1, 2), normal, offset).reshape(-1, 4, 3)
+    crossed = np.cross(quad[:, 2] - quad[:, 0], quad[:, 3] - quad[:, 1])
+    return float(0.5 * np.linalg.norm(crossed, axis=-1).sum())
