@@ -6,6 +6,7 @@ from torch import Tensor
 
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.contacts.ground import Ground
+from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.forces.base import ForceTerm
 from model.simulator.forces.controller import ControllerSpring
 from model.simulator.forces.dashpot import Dashpot
@@ -75,6 +76,8 @@ def build_simulator(
     if controller_stiffness is not None and system.controller_count:
         forces.insert(1, ControllerSpring(controller_stiffness))
     contacts: list[ContactTerm] = []
+    if collision_distance:
+        contacts.append(SelfCollision(system, collision_distance, restitution, friction))
     if ground_height is not None:
         contacts.append(Ground(restitution, friction, ground_height))
     return Simulator(system, forces, contacts)

@@ -8,8 +8,8 @@ from model.simulator.forces.base import Scalar
 def coulomb(approach: Scalar, slip: Scalar, restitution: Scalar, friction: Scalar) -> tuple[Scalar, Scalar]:
     r"""What an impact makes of the velocity that two surfaces have relative to each other.
 
-    $v_n' = -e\,v_n$, and $v_t' = v_t\,\max(0,\ 1 - \mu(1+e)|v_n|/|v_t|)$: the tangential impulse is at most $\mu$
-    times the normal one, and never more than stops the slip.
+    $v_n' = -e\,v_n$, and $v_t' = v_t\,\max(0,\ 1 - \mu(1+e)|v_n|/|v_t|)$: the tangential impulse is at most
+    $\mu$ times the normal one, and never more than stops the slip.
 
     Args:
         approach: $|v_n|$ of surfaces that come closer [m/s], positive.
