@@ -120,8 +120,15 @@ def _load(folder: Path, architecture: str) -> Any:  # noqa: ANN401 - transformer
             "dinov2 encoder needs transformers: pip install 'matphys[weights]'"
         ) from None
     try:
-        network = getattr(transformers, architecture).from_pretrained(folder, local_files_only=True)
-    except (OSError, ValueError, RuntimeError) as error:
-        line = str(error).splitlines()[0] if str(error) else type(error).__name__
+        network, report = getattr(transformers, architecture).from_pretrained(
+            folder, local_files_only=True, output_loading_info=True
+        )
+    except Exception as error:  # whatever the readers of each format raise
+        line = " ".join(f"{error}".split())[:200] or type(error).__name__
         raise InputError(f"dinov2 encoder: the weights in {folder} cannot be loaded: {line}") from None
+    missing = sorted(report["missing_keys"])
+    if missing:  # transformers would go on with random numbers in their place
+        raise InputError(
+            f"dinov2 encoder: the weights in {folder} lack {missing[0]} and others; download them again"
+        )
     return network.eval().requires_grad_(False)

@@ -30,10 +30,10 @@ class TextureEncoder(SemanticEncoder):
     """Colour at several scales, oriented energies, contrast and local patterns on a 4-px grid.
 
     The channels are in fixed units (colour in multiples of `COLOR_UNITS`, contrasts as logarithms), so that
-    features of different images compare. In this order: CIELAB blurred at three scales (9); log energy and coherence
-    of the structure tensor at two scales (4); log Gabor energies of two wavelengths, each as mean over four
-    orientations, and their second circular harmonic (6); log local contrast at two scales (2); shares of
-    spot-, edge- and noise-like local patterns (3).
+    features of different images compare. In this order: CIELAB blurred at three scales (9); log energy and
+    coherence of the structure tensor at two scales (4); log Gabor energies of two wavelengths, each as mean
+    over four orientations, and their second circular harmonic (6); log local contrast at two scales (2);
+    shares of spot-, edge- and noise-like local patterns (3).
 
     Reference:
         Bigün & Granlund (1987), Optimal orientation detection of linear symmetry (structure tensor);
