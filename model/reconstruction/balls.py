@@ -10,7 +10,7 @@ from scipy import ndimage
 from model.reconstruction.volume import Volume, grid_around
 from model.types import Array, Camera
 
-FLATTEST = 0.45
+FLATTEST = 0.4
 """Thickness to width of a body that is as wide as it is long (a cushion)."""
 
 

@@ -11,6 +11,8 @@ from model.types import Array, Gaussians
 
 TARGET_COUNT = 9_000
 OPACITY = 0.95
+COARSER_INSIDE = 1.6
+"""Spacing inside over spacing at the surface: nobody looks inside."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,10 @@ class Filling:
         )
 
 
+INSET = 0.75
+"""How far below the surface the outer layer lies, in spacings: what its footprint reaches beyond it."""
+
+
 def fill(volume: Volume, count: int = TARGET_COUNT) -> Filling:
     """Fill a body with about `count` Gaussians whose volumes sum to the body's.
 
@@ -60,9 +66,9 @@ def fill(volume: Volume, count: int = TARGET_COUNT) -> Filling:
         means, outward = _place(volume, candidates, normals, spacing)
         spacing *= float(np.clip((len(means) / count) ** 0.4, 0.8, 1.25))
     means, outward = _place(volume, candidates, normals, spacing)
-    scales = np.full((len(means), 3), 0.62 * spacing)
+    scales = np.full((len(means), 3), 0.62 * COARSER_INSIDE * spacing)
     at_surface = np.any(outward != 0, axis=-1)
-    scales[at_surface] = np.array([0.66, 0.66, 0.34]) * spacing
+    scales[at_surface] = np.array([0.62, 0.62, 0.34]) * spacing
     return Filling(means, outward, scales, _shares(volume, means), spacing)
 
 
@@ -131,17 +137,17 @@ def _place(
     volume: Volume, candidates: Float64[Array, "N 3"], normals: Float64[Array, "N 3"], spacing: float
 ) -> tuple[Float64[Array, "G 3"], Float64[Array, "G 3"]]:
     """Surface and interior centres for one spacing."""
-    inset = candidates - 0.45 * spacing * normals
+    inset = candidates - INSET * spacing * normals
     # Where the body is thinner than two insets, both sides meet in the middle instead of crossing.
     crossed = volume.sample(inset) < 0.2 * spacing
     inset[crossed] = candidates[crossed] - np.minimum(0.15 * spacing, volume.spacing) * normals[crossed]
     chosen = thinned(inset, 0.87 * spacing)
     surface, outward = inset[chosen], normals[chosen]
-    interior = _lattice(volume, spacing)
-    interior = interior[volume.sample(interior) > 0.5 * spacing]
+    interior = _lattice(volume, COARSER_INSIDE * spacing)
+    interior = interior[volume.sample(interior) > 0.75 * COARSER_INSIDE * spacing]
     if len(interior):
         gap, _ = cKDTree(surface).query(interior)
-        interior = interior[gap > 0.6 * spacing]
+        interior = interior[gap > 0.5 * COARSER_INSIDE * spacing]
     means = np.concatenate([surface, interior])
     return means, np.concatenate([outward, np.zeros_like(interior)])
 
@@ -167,7 +173,8 @@ def _spacing_for(count: int, volume: float, area: float) -> float:
     low, high = 1e-6, 1.0
     for _ in range(60):
         spacing = np.sqrt(low * high)
-        expected = 0.95 * area / spacing**2 + max(volume - 0.9 * area * spacing, 0.0) / spacing**3
+        inside = max(volume - 1.2 * area * spacing, 0.0) / (COARSER_INSIDE * spacing) ** 3
+        expected = 0.95 * area / spacing**2 + inside
         low, high = (spacing, high) if expected > count else (low, spacing)
     return float(np.sqrt(low * high))
 
