@@ -1,18 +1,18 @@
 """The twin bundle (contract 4): one zip with everything needed to move, draw and question a twin."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
 from pydantic import BaseModel
 
 from model.archive import MEBIBYTE, read_archive, write_archive
 from model.errors import InputError
 from model.files import replacing
-from model.parameters import decode_parameters, encode_parameters
+from model.parameters import decode_parameters, encode_parameters, gravity, ground_height, scalar
 from model.ply import decode_ply, encode_ply
 from model.schema import (
     BundleManifest,
@@ -30,7 +30,11 @@ from model.types import (
     Gaussians,
     Parameters,
     Topology,
+    Trajectory,
 )
+
+if TYPE_CHECKING:
+    from model.simulator.simulator import Simulator
 
 LIMITS: Mapping[str, int] = {
     "twin.json": 16 * MEBIBYTE,
@@ -139,6 +143,86 @@ class TwinBundle:
             np.array(record.world_from_camera, np.float64),
         )
         return Camera(intrinsics, pose, width, height)
+
+    def simulator(self) -> "Simulator":
+        """The simulator of this twin, with its own parameters.
+
+        Raises:
+            InputError: an effect of the twin cannot be simulated.
+        """
+        if self.effects:
+            raise InputError(f"effects.json: the effect {self.effects[0].name} cannot be simulated yet")
+        from model.simulator.build import build_simulator  # torch takes a second to import
+
+        topology, parameters = self.topology, self.parameters
+        held = len(topology.controller_springs) > 0
+        return build_simulator(
+            points=topology.points,
+            mass=topology.mass,
+            springs=topology.springs,
+            rest_length=topology.rest_length,
+            stiffness=parameters.stiffness,
+            controller_springs=topology.controller_springs if held else None,
+            controller_rest_length=topology.controller_rest_length if held else None,
+            controller_stiffness=parameters.controller_stiffness if held else None,
+            controller_points=topology.controller_points if held else None,
+            dashpot_damping=scalar(parameters, "dashpot_damping", 0.0),
+            drag_rate=scalar(parameters, "drag_rate", 0.0),
+            friction=scalar(parameters, "friction", 0.0),
+            restitution=scalar(parameters, "restitution", 0.0),
+            collision_distance=scalar(parameters, "collision_distance", 0.0),
+            gravity=gravity(parameters),
+            ground_height=ground_height(parameters),
+        )
+
+    def rollout(
+        self,
+        controls: Float32[Array, "T C 3"] | None = None,
+        progress: Callable[[float], None] | None = None,
+        *,
+        times: Float64[Array, " T"] | None = None,
+        substeps: int | None = None,
+    ) -> Trajectory:
+        """Move the twin from rest.
+
+        Args:
+            controls: Where the controllers are [m]; None: the recorded motion, or, where there is none, the
+                controllers stay where they are for as long as the clip goes on after its keyframe.
+            progress: Called with the share of the frames done, 0..1.
+            times: Of the frames [s]; None: the frame rate of the clip.
+            substeps: Per frame; None: as many as stability asks for.
+
+        Raises:
+            InputError: the frame rate is unknown, the controls do not fit, or the motion does not stay finite.
+        """
+        import torch
+
+        controls = self.controls if controls is None else controls
+        if times is None:
+            times = self._times(None if controls is None else len(controls))
+        held = controls is not None and len(self.topology.controller_springs) > 0
+
+        def report(done: int, whole: int) -> None:
+            if progress is not None:
+                progress(done / whole)
+
+        with torch.no_grad():
+            rollout = self.simulator().rollout(
+                controls=controls if held else None, times=times, substeps=substeps, progress=report
+            )
+        most = float(max(rollout.substeps, default=0))
+        return Trajectory(times, rollout.points.float().numpy(), {"substeps_per_frame": most})
+
+    def _times(self, frames: int | None) -> Float64[Array, " T"]:
+        """Times [s] of `frames` frames; None: of the clip's from its keyframe on, else of one second."""
+        source = self.manifest.source
+        if source.fps is None:
+            raise InputError("twin.json: source.fps is missing: give controls with times")
+        if frames is None:
+            recorded = None if source.frames is None else source.frames - (source.keyframe or 0)
+            frames = 1 + round(source.fps) if recorded is None else max(1, recorded)
+        times: Float64[Array, " T"] = np.arange(frames, dtype=np.float64) / source.fps
+        return times
 
     def _members(self) -> dict[str, bytes]:
         """The files of the bundle, in the order of the contract."""

@@ -1,0 +1,299 @@
+"""`matphys`: the command line (contract 6).
+
+Imports nothing heavy until a command needs it, so that `--help` answers at once.
+"""
+
+import json
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from model.errors import InputError
+from model.files import check_writable, replacing
+from model.progress import StageReport, progress
+from model.version import __version__
+
+if TYPE_CHECKING:
+    from model.bundle import TwinBundle
+    from model.types import Trajectory
+
+DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+InputFile = click.Path(exists=True, dir_okay=False, path_type=Path)
+JUMP_LIMIT = 0.01
+"""How far [m] controls may start from where the controllers rest before a word is said about it."""
+
+OutputFile = click.Path(path_type=Path)
+
+
+def _box(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
+    """Parse `x,y,w,h` [px]."""
+    if value is None:
+        return None
+    try:
+        x, y, width, height = (int(number) for number in value.split(","))
+    except ValueError:
+        raise click.BadParameter(f"{value!r} is not of the form x,y,w,h, like 120,80,200,150") from None
+    if width <= 0 or height <= 0:
+        raise click.BadParameter(f"{value!r} has no area")
+    return x, y, width, height
+
+
+@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="matphys")
+@click.option(
+    "--debug", is_flag=True, help="Show the traceback of an error. (MATPHYS_DEBUG=1 does the same.)"
+)
+@click.pass_context
+def matphys(context: click.Context, debug: bool) -> None:
+    """Turn a video of a handled soft object into a simulatable twin."""
+    context.meta["debug"] = debug
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
+
+
+@matphys.command()
+@click.argument("video", type=InputFile)
+@click.option("--out", type=OutputFile, required=True, metavar="NAME.twin.zip", help="Where the twin goes.")
+@click.option(
+    "--preview", type=OutputFile, metavar="MP4", help="Also write the preview as a file of its own."
+)
+@click.option("--mask", type=InputFile, metavar="PNG", help="The object on the keyframe, white on black.")
+@click.option("--box", callback=_box, metavar="x,y,w,h", help="A box around the object on the keyframe [px].")
+@click.option("--keyframe", type=click.IntRange(min=0), metavar="N", help="The frame to reconstruct from.")
+@click.option("--camera", type=InputFile, metavar="JSON", help="Intrinsics and pose of the camera.")
+@click.option("--size-m", type=float, metavar="M", help="The longest side of the object [m].")
+@click.option("--mesh", type=InputFile, metavar="GLB", help="A mesh of the object (GLB, OBJ, PLY).")
+@click.option("--depth", type=click.Path(exists=True, path_type=Path), help="Depth of the keyframe [mm].")
+@click.option(
+    "--controllers", type=InputFile, metavar="NPZ", help="The motion of the hand, instead of its own."
+)
+@click.option(
+    "--shape", type=click.Choice(["auto", "sheet", "rope", "solid"]), help="What fills the silhouette."
+)
+@click.option("--prior", metavar="NAME", help="Who names the materials: stub, openai.")
+@click.option("--parts", type=click.IntRange(1, 64), metavar="N", help="How many parts to look for.")
+@click.option("--points", type=click.IntRange(16, 100_000), metavar="N", help="About how many mass points.")
+@click.option("--segmentation", metavar="NAME", help="Method: classical, sam2.")
+@click.option("--tracking", metavar="NAME", help="Method: opencv, cotracker.")
+@click.option("--reconstruction", metavar="NAME", help="Method: silhouette, mesh, depth.")
+@click.option("--encoder", metavar="NAME", help="Semantic features: texture, dinov2.")
+@click.option("--renderer", metavar="NAME", help="Who draws the preview: splat, gsplat.")
+@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Of everything that is drawn by lot.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
+)
+@click.option("--quiet", is_flag=True, help="No progress, no warnings, no tables.")
+def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: bool, **options: object) -> None:
+    """Turn the clip VIDEO into a twin.
+
+    Nothing but the clip is needed: what is not given is estimated, and the twin says how.
+    """
+    _check_outputs(video, out, preview)
+    from model.pipeline import TwinOptions, build_twin
+
+    given = {name: value for name, value in options.items() if value is not None}
+    with progress(quiet) as report:
+        result = build_twin(video, TwinOptions(**given), report)
+        result.bundle.save(out)
+        if preview is not None and result.bundle.preview is not None:
+            with replacing(preview) as temporary:
+                temporary.write_bytes(result.bundle.preview)
+    from model.summary import describe, print_stages
+
+    if as_json:
+        _print_json({"twin": str(out), "seconds": dict(result.seconds)} | describe(result.bundle))
+    elif not quiet:
+        print_stages(result.bundle, result.seconds)
+        click.echo(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, {sum(result.seconds.values()):.1f} s)")
+    if not quiet:
+        _warn(result.bundle.manifest.warnings)
+
+
+@matphys.command()
+@click.argument("twin", type=InputFile)
+@click.option(
+    "--out", type=OutputFile, required=True, metavar="TRAJECTORY.npz", help="times [T], points [T, N, 3]."
+)
+@click.option(
+    "--controls", type=InputFile, metavar="NPZ", help="Another motion: controls [T, C, 3], times [T]."
+)
+@click.option("--video", type=OutputFile, metavar="MP4", help="Also draw the motion.")
+@click.option(
+    "--substeps", type=click.IntRange(1, 100_000), metavar="N", help="Per frame, instead of enough."
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
+)
+@click.option("--quiet", is_flag=True, help="No progress, no warnings.")
+def simulate(
+    twin: Path,
+    out: Path,
+    controls: Path | None,
+    video: Path | None,
+    substeps: int | None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Move TWIN, by the recorded motion of the hand or by another."""
+    _check_outputs(twin, out, video)
+    from model.bundle import TwinBundle
+    from model.trajectory import write_trajectory
+
+    bundle = TwinBundle.load(twin)
+    with progress(quiet) as report, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        trajectory, doubts = _roll(bundle, controls, substeps, report)
+        write_trajectory(out, trajectory)
+        if video is not None:
+            _draw(video, bundle, trajectory, report)
+    frames, points = trajectory.points.shape[:2]
+    result = {
+        "trajectory": str(out),
+        "frames": frames,
+        "points": points,
+        "seconds": float(trajectory.times[-1]),
+    }
+    if as_json:
+        _print_json(result | dict(trajectory.metadata) | {"video": None if video is None else str(video)})
+    elif not quiet:
+        click.echo(f"wrote {out} ({frames} frames of {points} points, {trajectory.times[-1]:.2f} s)")
+        if video is not None:
+            click.echo(f"wrote {video}")
+    if not quiet:
+        _warn([*doubts, *(str(entry.message) for entry in caught)])
+
+
+@matphys.command()
+@click.argument("twin", type=InputFile)
+@click.option("--to", "target", required=True, metavar="FORMAT", help="ply.")
+@click.option(
+    "--out", type=OutputFile, required=True, metavar="PATH", help="A file or folder, as the format has it."
+)
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
+)
+def export(twin: Path, target: str, out: Path, as_json: bool) -> None:
+    """Write TWIN in the format of another program."""
+    if out.resolve() == twin.resolve():
+        raise InputError(f"{out} is the input: give the output another name")
+    from model.bundle import TwinBundle
+    from model.exports import ALL_EXPORTERS
+    from model.registry import by_name
+
+    exporter = by_name(ALL_EXPORTERS, target, "export")()
+    written = [str(path) for path in exporter(TwinBundle.load(twin), out)]
+    if as_json:
+        _print_json({"format": target, "files": written})
+    else:
+        click.echo("\n".join(f"wrote {path}" for path in written))
+
+
+@matphys.command()
+@click.argument("twin", type=InputFile)
+@click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
+def inspect(twin: Path, as_json: bool) -> None:
+    """Say what is inside TWIN."""
+    from model.bundle import TwinBundle
+    from model.summary import describe, print_twin
+
+    bundle = TwinBundle.load(twin)
+    if as_json:
+        _print_json(describe(bundle))
+    else:
+        print_twin(bundle)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code: 0 done, 1 our fault, 2 bad input, 130 interrupted."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = matphys.main(arguments, prog_name="matphys", standalone_mode=False)
+        return code if isinstance(code, int) else DONE
+    except (click.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except click.ClickException as error:
+        return _fail(_usage(error), BAD_INPUT)
+    except Exception as error:
+        if "--debug" in arguments or os.environ.get("MATPHYS_DEBUG", "0") not in ("", "0"):
+            traceback.print_exc()
+        if isinstance(error, InputError):
+            return _fail(f"matphys: {error}", BAD_INPUT)
+        hint = "set MATPHYS_DEBUG=1 for the traceback"
+        return _fail(f"matphys: internal error: {type(error).__name__}: {error} ({hint})", OUR_FAULT)
+
+
+def _fail(message: str, code: int) -> int:
+    click.echo(_one_line(message), err=True)
+    return code
+
+
+def _one_line(message: str) -> str:
+    """The message without line breaks and control codes, whatever a file or an option put into it."""
+    return " ".join("".join(c if c.isprintable() else " " for c in message).split())
+
+
+def _usage(error: click.ClickException) -> str:
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "matphys"
+    message = error.format_message().rstrip(".")
+    return f"{command}: {message[:1].lower()}{message[1:]} (see {command} --help)"
+
+
+def _check_outputs(source: Path, *outputs: Path | None) -> None:
+    """Refuse, before any work, outputs that cannot be written or would take the place of another file."""
+    taken = {source.resolve(): "the input"}
+    for output in outputs:
+        if output is None:
+            continue
+        check_writable(output)
+        if output.resolve() in taken:
+            raise InputError(f"{output} is {taken[output.resolve()]}: give the output another name")
+        taken[output.resolve()] = "another output"
+
+
+def _roll(
+    bundle: "TwinBundle", controls: Path | None, substeps: int | None, report: StageReport
+) -> "tuple[Trajectory, list[str]]":
+    """The motion, and doubts about it."""
+    report("simulation", 0.0)
+
+    def follow(share: float) -> None:
+        report("simulation", share)
+
+    if controls is None:
+        return bundle.rollout(None, follow, substeps=substeps), []
+    from model.controls import read_controls
+
+    given = read_controls(controls, len(bundle.topology.controller_points))
+    jump = float(abs(given.motion[0] - bundle.topology.controller_points).max(initial=0.0))
+    doubts = []
+    if jump > JUMP_LIMIT:
+        doubts.append(
+            f"{controls.name} starts {jump:.3g} m from where the controllers are at rest: a jerk follows"
+        )
+    return bundle.rollout(given.motion, follow, times=given.times, substeps=substeps), doubts
+
+
+def _draw(path: Path, bundle: "TwinBundle", trajectory: "Trajectory", report: StageReport) -> None:
+    from model.preview import write_rollout_video
+    from model.rendering import best_renderer
+
+    report("video", 0.0)
+    write_rollout_video(path, bundle, trajectory, best_renderer())
+
+
+def _warn(doubts: Iterable[str]) -> None:
+    """Each doubt once, a line each, on stderr."""
+    for doubt in dict.fromkeys(doubts):
+        click.echo(f"warning: {_one_line(doubt)}", err=True)
+
+
+def _print_json(content: Mapping[str, Any]) -> None:
+    click.echo(json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False))

@@ -1,0 +1,28 @@
+"""The Gaussians at rest, for any viewer of 3D Gaussian splats."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from model.exports.base import Exporter
+from model.files import replacing
+from model.ply import encode_ply
+
+if TYPE_CHECKING:
+    from model.bundle import TwinBundle
+
+
+class PlyExporter(Exporter):
+    """One 3DGS file: what `model.ply` describes, in metres, z up.
+
+    Reference:
+        Kerbl, Kopanas, Leimkühler and Drettakis (2023), 3D Gaussian Splatting for Real-Time Radiance
+        Field Rendering.
+    """
+
+    name: ClassVar[str] = "ply"
+
+    def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
+        """Write the Gaussians at rest to the file `out`."""
+        with replacing(out) as temporary:
+            temporary.write_bytes(encode_ply(twin.gaussians))
+        return [out]
