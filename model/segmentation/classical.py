@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from model.errors import InputError
+from model.segmentation.background import Contrast, camera_rests
 from model.segmentation.base import Segmenter
 from model.segmentation.color_model import to_lab
-from model.segmentation.keyframe import find_object, hand_regions, settle
+from model.segmentation.keyframe import find_object, hand_regions, object_in_box, refined, settle
 from model.segmentation.propagation import propagate
 from model.segmentation.regions import grown, touching
 from model.segmentation.skin import SkinModel
@@ -36,7 +37,14 @@ class ClassicalSegmenter(Segmenter):
         hands = np.stack([hand_regions(skin(image)) for image in small])
         keyframe, seed = _seed(labs, hands, prompt)
         seed, hands[keyframe] = settle(seed, hands[keyframe])
-        objects = propagate(labs, hands, seed, keyframe)
+        objects = propagate(small, hands, seed, keyframe)
+        if camera_rests(small):
+            for again in (False, True, True):
+                contrast = Contrast.guess(small, objects, hands)
+                if again:
+                    contrast = contrast.learned(small, objects, hands)
+                seed = refined(labs[keyframe], seed, hands[keyframe], contrast)
+                objects = propagate(small, hands, seed, keyframe, contrast)
         hands = np.stack([_holding(o, h) for o, h in zip(objects, hands, strict=True)])
         return Masks(enlarge(objects, height, width), enlarge(hands, height, width), keyframe, ())
 

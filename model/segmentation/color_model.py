@@ -10,7 +10,8 @@ from scipy.ndimage import gaussian_filter
 from model.types import Array
 
 L_BINS, AB_BINS = 24, 48
-SIZE = L_BINS * AB_BINS * AB_BINS
+SHAPE = (L_BINS, AB_BINS, AB_BINS)
+"""Of the histogram that `color_codes` indexes."""
 
 
 def to_lab(image: UInt8[Array, "*n H W 3"]) -> Float32[Array, "*n H W 3"]:
@@ -37,11 +38,12 @@ class ColorModel:
     """Smoothed counts per code; their sum is the number of pixels seen."""
 
     @staticmethod
-    def of(codes: Int32[Array, "*n"], where: Bool[Array, "*n"]) -> "ColorModel":
-        """The model of the pixels `where`."""
-        counts = np.bincount(codes[where], minlength=SIZE).astype(np.float32)
-        cube = gaussian_filter(counts.reshape(L_BINS, AB_BINS, AB_BINS), 1.0, mode="nearest")
-        return ColorModel(cube.reshape(-1))
+    def of(
+        codes: Int32[Array, "*n"], where: Bool[Array, "*n"], shape: tuple[int, ...] = SHAPE
+    ) -> "ColorModel":
+        """The model of the pixels `where`; `shape` is that of the histogram the codes index."""
+        counts = np.bincount(codes[where], minlength=int(np.prod(shape))).astype(np.float32)
+        return ColorModel(gaussian_filter(counts.reshape(shape), 1.0, mode="nearest").reshape(-1))
 
     def blend(self, newer: "ColorModel", weight: float) -> "ColorModel":
         """Move towards a newer model; both count as equally large."""
@@ -65,14 +67,8 @@ def log_ratio(inside: ColorModel, outside: ColorModel) -> Float32[Array, " C"]:
     return ratio
 
 
-def local_contrast(lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
-    """Standard deviation of lightness in a 5×5 window."""
-    light = lab[..., 0]
-    mean = cv2.blur(light, (5, 5))
-    return np.sqrt(np.maximum(cv2.blur(light * light, (5, 5)) - mean * mean, 0)).astype(np.float32)
-
-
 def as_bytes(lab: Float32[Array, "H W 3"]) -> UInt8[Array, "H W 3"]:
     """Lab stretched into bytes, chroma doubled: what GrabCut is fed."""
     scaled = lab * np.array([2.55, 2.0, 2.0], np.float32) + np.array([0, 128, 128], np.float32)
-    return np.clip(scaled, 0, 255).astype(np.uint8)
+    stretched: UInt8[Array, "H W 3"] = np.clip(scaled, 0, 255).astype(np.uint8)
+    return stretched

@@ -4,8 +4,18 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from model.segmentation.background import Contrast
 from model.segmentation.color_model import as_bytes
-from model.segmentation.regions import around, grown, labels_of, without_holes, without_specks
+from model.segmentation.min_cut import edge_weights, min_cut
+from model.segmentation.regions import (
+    around,
+    grown,
+    labels_of,
+    signed_distance,
+    touching,
+    without_holes,
+    without_specks,
+)
 from model.segmentation.saliency import border_colors, border_distance, reach
 from model.types import Array
 
@@ -106,3 +116,14 @@ def settle(
         if enclosed and areas[label] < 0.3 * object_mask.sum():
             object_mask, hand = object_mask | part, hand & ~part
     return object_mask, hand & ~object_mask
+
+
+def refined(
+    lab: Float32[Array, "H W 3"], seed: Bool[Array, "H W"], hand: Bool[Array, "H W"], contrast: Contrast
+) -> Bool[Array, "H W"]:
+    """The object on the keyframe, once it is known how it differs from the empty scene."""
+    distance = signed_distance(seed)
+    odds = np.clip(contrast(lab), -3, 3) + np.clip(distance / 4, -1.5, 0.5) - 3.0 * hand
+    u = min_cut(odds.astype(np.float32), *edge_weights(lab, 3.0), seed.astype(np.float32), 80)
+    found = without_holes(touching((u > 0.5) & ~hand, distance > 3), 30)
+    return found if found.any() else seed

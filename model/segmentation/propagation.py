@@ -4,9 +4,10 @@ from collections.abc import Iterable
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, Int32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 
-from model.segmentation.color_model import ColorModel, color_codes, log_ratio
+from model.segmentation.background import Contrast
+from model.segmentation.color_model import ColorModel, color_codes, log_ratio, to_lab
 from model.segmentation.min_cut import edge_weights, min_cut
 from model.segmentation.regions import around, grown, signed_distance, touching, without_holes
 from model.types import Array
@@ -35,76 +36,82 @@ def warped(image: Float32[Array, "H W"], flow: Float32[Array, "H W 2"]) -> Float
 
 
 def propagate(
-    labs: Float32[Array, "T H W 3"],
+    images: UInt8[Array, "T H W 3"],
     hands: Bool[Array, "T H W"],
     seed: Bool[Array, "H W"],
     keyframe: int,
+    contrast: Contrast | None = None,
 ) -> Bool[Array, "T H W"]:
     """The object in every frame, from its mask on the keyframe."""
-    masks = np.zeros(hands.shape, bool)
-    masks[keyframe] = seed
-    count = len(masks)
-    grays = np.clip(labs[..., 0] * 2.55, 0, 255).astype(np.uint8)
-    skin = ColorModel.of(color_codes(labs[keyframe]), hands[keyframe])
+    carrier = _Carrier(images, hands, seed, keyframe, contrast)
+    count = len(images)
     for steps in (range(keyframe + 1, count), range(keyframe - 1, -1, -1)):
-        _carry(masks, labs, grays, hands, skin, steps, keyframe)
-    return masks
+        carrier.carry(steps, keyframe)
+    return carrier.masks
 
 
-def _carry(
-    masks: Bool[Array, "T H W"],
-    labs: Float32[Array, "T H W 3"],
-    grays: UInt8[Array, "T H W"],
-    hands: Bool[Array, "T H W"],
-    skin: ColorModel,
-    steps: Iterable[int],
-    keyframe: int,
-) -> None:
-    before = keyframe
-    codes = color_codes(labs[keyframe])
-    inside, outside = _models(codes, masks[keyframe], hands[keyframe])
-    for now in steps:
-        flow = backward_flow(grays[now], grays[before])
-        prior = warped(masks[before].astype(np.float32), flow)
-        if not (prior > 0.5).any():
-            prior = masks[before].astype(np.float32)
-            if not prior.any():
-                return
+class _Carrier:
+    """One pass over the clip."""
+
+    def __init__(
+        self,
+        images: UInt8[Array, "T H W 3"],
+        hands: Bool[Array, "T H W"],
+        seed: Bool[Array, "H W"],
+        keyframe: int,
+        contrast: Contrast | None,
+    ) -> None:
+        self.images, self.hands, self.contrast = images, hands, contrast
+        self.masks = np.zeros(hands.shape, bool)
+        self.masks[keyframe] = seed
+        self.skin = ColorModel.of(color_codes(to_lab(images[keyframe])), hands[keyframe])
+
+    def carry(self, steps: Iterable[int], keyframe: int) -> None:
+        """Walk away from the keyframe; colours are those of the keyframe, updated slowly."""
+        before = keyframe
+        inside, outside = self._models(keyframe, to_lab(self.images[keyframe]))
+        gray = cv2.cvtColor(self.images[keyframe], cv2.COLOR_RGB2GRAY)
+        for now in steps:
+            last, gray = gray, cv2.cvtColor(self.images[now], cv2.COLOR_RGB2GRAY)
+            prior = warped(self.masks[before].astype(np.float32), backward_flow(gray, last))
+            if not (prior > 0.5).any():
+                prior = self.masks[before].astype(np.float32)
+                if not prior.any():
+                    return
+            lab = to_lab(self.images[now])
+            self._cut(now, lab, prior, log_ratio(inside, self._others(outside)))
+            newer = self._models(now, lab)
+            inside, outside = inside.blend(newer[0], 0.03), outside.blend(newer[1], 0.1)
+            before = now
+
+    def _others(self, outside: ColorModel) -> ColorModel:
+        return outside.blend(self.skin, 0.3) if self.skin.total > 0 else outside
+
+    def _models(self, index: int, lab: Float32[Array, "H W 3"]) -> tuple[ColorModel, ColorModel]:
+        """Colours of the object and of what is around it."""
+        mask = self.masks[index]
+        window = around(mask, MARGIN) if mask.any() else (slice(None), slice(None))
+        mask, hand, codes = mask[window], self.hands[index][window], color_codes(lab[window])
+        return ColorModel.of(codes, mask), ColorModel.of(codes, ~grown(mask, 1) & ~hand)
+
+    def _cut(
+        self,
+        now: int,
+        lab: Float32[Array, "H W 3"],
+        prior: Float32[Array, "H W"],
+        ratio: Float32[Array, " C"],
+    ) -> None:
+        """Balance colour, difference from the empty scene, the warped mask and the picture's edges."""
         window = around(prior > 0.5, MARGIN)
-        codes = color_codes(labs[now][window])
-        masks[now][window] = _cut(
-            labs[now][window], codes, prior[window], hands[now][window], inside, outside, skin
-        )
-        newer = _models(codes, masks[now][window], hands[now][window])
-        inside, outside = inside.blend(newer[0], 0.04), outside.blend(newer[1], 0.1)
-        before = now
-
-
-def _models(
-    codes: Int32[Array, "H W"], mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]
-) -> tuple[ColorModel, ColorModel]:
-    """Colours of the object and of what is around it."""
-    window = around(mask, MARGIN) if mask.any() else (slice(None), slice(None))
-    mask, hand, codes = mask[window], hand[window], codes[window]
-    rim = grown(mask, 1) & ~mask
-    return ColorModel.of(codes, mask), ColorModel.of(codes, ~mask & ~rim & ~hand)
-
-
-def _cut(
-    lab: Float32[Array, "H W 3"],
-    codes: Int32[Array, "H W"],
-    prior: Float32[Array, "H W"],
-    hand: Bool[Array, "H W"],
-    inside: ColorModel,
-    outside: ColorModel,
-    skin: ColorModel,
-) -> Bool[Array, "H W"]:
-    """Balance colour, the warped mask and the picture's edges."""
-    others = outside.blend(skin, 0.3) if skin.total > 0 else outside
-    color = np.clip(log_ratio(inside, others)[codes], -3, 3)
-    distance = signed_distance(prior > 0.5)
-    place = np.clip(distance / 2, -3, 3) - np.maximum(-distance - 10, 0) * 0.5
-    evidence = (color + place - 2.5 * (hand & (prior < 0.9))).astype(np.float32)
-    u = min_cut(evidence, *edge_weights(lab, 3.0), prior, 40)
-    mask = (u > 0.5) & ~(hand & (prior < 0.5))
-    return without_holes(touching(mask, distance > 1.5), 30)
+        hand, near = self.hands[now][window], lab[window]
+        color = np.clip(ratio[color_codes(near)], -3, 3)
+        distance = signed_distance(prior[window] > 0.5)
+        place = np.clip(distance / 2, -3, 3) - np.maximum(-distance - 5, 0) * 0.5
+        if self.contrast is None:
+            evidence = color + place
+        else:
+            evidence = 0.5 * color + np.clip(self.contrast(lab)[window], -4, 4) + 0.3 * np.minimum(place, 1.5)
+        evidence = (evidence - 2.5 * (hand & (prior[window] < 0.9))).astype(np.float32)
+        u = min_cut(evidence, *edge_weights(near, 3.0), prior[window], 40)
+        mask = (u > 0.5) & ~(hand & (prior[window] < 0.5))
+        self.masks[now][window] = without_holes(touching(mask, distance > 1.5), 30)
