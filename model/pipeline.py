@@ -1,0 +1,337 @@
+"""The only file that knows the order of the stages."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import get_args
+
+from jaxtyping import Bool
+from pydantic import JsonValue
+
+from model.bundle import TwinBundle
+from model.controllers import find_controllers, read_controllers
+from model.encoders import ALL_ENCODERS
+from model.errors import InputError
+from model.lifting import lift_features, visible_gaussians
+from model.manifest import describe_parts, write_manifest
+from model.part_views import view_parts
+from model.parts import segment_parts
+from model.predictor import ALL_PREDICTORS
+from model.preview import preview
+from model.priors import ALL_PRIORS
+from model.priors.base import PriorClient
+from model.prompt import read_prompt
+from model.reconstruction import ALL_RECONSTRUCTORS, Reconstructor
+from model.reconstruction.cameras import calibrate
+from model.reconstruction.depth import read_depth
+from model.registry import by_name
+from model.rendering import ALL_RENDERERS, best_renderer
+from model.segmentation import ALL_SEGMENTERS
+from model.skinning import bind
+from model.stage_log import StageLog, StageReport, Step
+from model.timing import evenly_timed
+from model.topology import build_topology
+from model.tracking import ALL_TRACKERS
+from model.tracking.queries import sample_queries
+from model.types import (
+    Array,
+    Calibration,
+    Frames,
+    Gaussians,
+    Masks,
+    MaterialPrior,
+    Parts,
+    PartView,
+    ShapeClass,
+)
+from model.video import read_video
+
+SHARES = {
+    "video": 1.0,
+    "segmentation": 12.0,
+    "shape": 0.2,
+    "calibration": 1.0,
+    "reconstruction": 4.0,
+    "features": 2.0,
+    "parts": 2.0,
+    "prior": 1.0,
+    "tracking": 4.0,
+    "controllers": 1.0,
+    "topology": 2.0,
+    "parameters": 0.5,
+    "simulation": 20.0,
+    "preview": 15.0,
+}
+"""What each stage roughly costs, for the progress bar alone."""
+
+TRACK_COUNT = 300
+"""Pixels of the object that are followed through the clip."""
+
+
+@dataclass(frozen=True)
+class TwinOptions:
+    """What a user may choose; every field is an option of `matphys twin`."""
+
+    mask: Path | None = None
+    box: tuple[int, int, int, int] | None = None
+    """x, y, width, height [px]."""
+    keyframe: int | None = None
+    camera: Path | None = None
+    size_m: float | None = None
+    """Largest extent of the object [m]."""
+    mesh: Path | None = None
+    depth: Path | None = None
+    controllers: Path | None = None
+    shape: str = "auto"
+    prior: str = "stub"
+    parts: int = 5
+    points: int = 1500
+    segmentation: str = "classical"
+    tracking: str = "opencv"
+    reconstruction: str | None = None
+    """None: `mesh` with a mesh, `depth` with depth, else `silhouette`."""
+    encoder: str = "texture"
+    renderer: str | None = None
+    """None: the fastest that runs here."""
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class TwinResult:
+    """A twin and what it cost."""
+
+    bundle: TwinBundle
+    seconds: Mapping[str, float]
+    """Measured per stage; not in the bundle, whose bytes depend on its input alone."""
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """What the keyframe and its surroundings tell."""
+
+    frames: Frames
+    masks: Masks
+    shape_class: ShapeClass
+    calibration: Calibration
+    gaussians: Gaussians
+
+    @property
+    def keyframe(self) -> Array:
+        """The image the twin is reconstructed from."""
+        return self.frames.images[self.masks.keyframe]
+
+    @property
+    def object_mask(self) -> Bool[Array, "H W"]:
+        """The object on the keyframe."""
+        return self.masks.object[self.masks.keyframe]
+
+
+@dataclass(frozen=True)
+class _Matter:
+    """What the object is made of."""
+
+    parts: Parts
+    views: list[PartView]
+    priors: list[MaterialPrior]
+    warnings: tuple[str, ...] = ()
+
+
+def build_twin(video: Path, options: TwinOptions, report: StageReport) -> TwinResult:
+    """Turn a clip into a simulatable twin.
+
+    Args:
+        video: A video file, or a folder of numbered images.
+        options: What the user chose.
+        report: Told which stage begins and how far the whole is.
+
+    Raises:
+        InputError: the clip or an option cannot be used; the message is one line for the user.
+    """
+    log = StageLog(SHARES, report)
+    sight = _see(video, options, log)
+    matter = _understand(sight, options, log)
+    bundle = _mechanise(sight, matter, options, log)
+    bundle = _replay(bundle, sight, options, log)
+    report("done", 1.0)
+    return TwinResult(bundle, log.seconds)
+
+
+def _see(video: Path, options: TwinOptions, log: StageLog) -> _Sight:
+    """Frames → masks → the metric world → Gaussians."""
+    segmenter = by_name(ALL_SEGMENTERS, options.segmentation, "segmentation")()
+    reconstructor = _reconstructor(options)
+    frames = log.run("video", Step("pyav", "1"), lambda: read_video(video))
+    prompt = read_prompt(frames, mask=options.mask, box=options.box, keyframe=options.keyframe)
+    masks = log.run("segmentation", segmenter, lambda: segmenter(frames, prompt))
+    prior = by_name(ALL_PRIORS, options.prior, "prior")()
+    keyframe, mask = frames.images[masks.keyframe], masks.object[masks.keyframe]
+    shape_class = log.run("shape", *_shape(options.shape, prior, PartView(keyframe, mask, mask, "object")))
+    depth = read_depth(options.depth, masks.keyframe) if options.depth is not None else None
+    calibration = log.run(
+        "calibration",
+        Step("camera file" if options.camera else "image", "1"),
+        lambda: calibrate(
+            frames,
+            masks,
+            camera_file=options.camera,
+            size_m=options.size_m,
+            shape_class=shape_class,
+            depth=depth,
+        ),
+    )
+    gaussians = log.run(
+        "reconstruction", reconstructor, lambda: reconstructor(frames, masks, calibration, shape_class)
+    )
+    return _Sight(frames, masks, shape_class, calibration, gaussians)
+
+
+def _reconstructor(options: TwinOptions) -> Reconstructor:
+    """The method the user named, or the one that what they gave is for."""
+    given = {"mesh": options.mesh, "depth": options.depth}
+    name = options.reconstruction or next((key for key, path in given.items() if path), "silhouette")
+    method = by_name(ALL_RECONSTRUCTORS, name, "reconstruction")
+    if name not in given:
+        return method()
+    path = given[name]
+    if path is None:
+        raise InputError(f"--reconstruction {name} needs --{name} PATH")
+    return method(path)
+
+
+def _shape(
+    wanted: str, prior: PriorClient, view: PartView
+) -> tuple[Step | PriorClient, Callable[[], ShapeClass]]:
+    """Who says whether it is a sheet, a rope or a solid: the user, or the prior on seeing the whole."""
+    for shape_class in get_args(ShapeClass):
+        if wanted == shape_class:
+            return Step("user", "1"), lambda: shape_class
+    if wanted != "auto":
+        raise InputError(f"--shape {wanted}: choose one of auto, {', '.join(get_args(ShapeClass))}")
+    return prior, lambda: prior.material(view).shape_class
+
+
+def _understand(sight: _Sight, options: TwinOptions, log: StageLog) -> _Matter:
+    """Gaussians → features → parts → what each is made of."""
+    encoder = by_name(ALL_ENCODERS, options.encoder, "encoder")()
+    prior = by_name(ALL_PRIORS, options.prior, "prior")()
+    camera, gaussians = sight.calibration.camera, sight.gaussians
+    features = log.run(
+        "features",
+        encoder,
+        lambda: lift_features(encoder(sight.keyframe), gaussians, camera, sight.object_mask),
+    )
+    parts = log.run(
+        "parts",
+        Step("normalised cuts", "1"),
+        lambda: segment_parts(gaussians, features, options.parts, options.seed),
+    )
+    visible = visible_gaussians(gaussians, camera, sight.object_mask)
+    views = view_parts(sight.keyframe, sight.object_mask, gaussians, parts, visible, camera)
+    return log.run("prior", prior, lambda: _believe(prior, parts, views))
+
+
+def _believe(prior: PriorClient, parts: Parts, views: list[PartView]) -> _Matter:
+    priors = [prior.material(view) for view in views]
+    warnings = dict.fromkeys(warning for belief in priors for warning in belief.warnings)
+    return _Matter(parts, views, priors, tuple(warnings))
+
+
+def _mechanise(sight: _Sight, matter: _Matter, options: TwinOptions, log: StageLog) -> TwinBundle:
+    """The hand, the springs and their parameters → a bundle that has not moved yet."""
+    tracker = by_name(ALL_TRACKERS, options.tracking, "tracking")()
+    predictor = by_name(ALL_PREDICTORS, "prior-mean", "predictor")()
+    frames, masks, calibration = sight.frames, sight.masks, sight.calibration
+    queries = sample_queries(sight.object_mask, TRACK_COUNT, options.seed)
+    tracks = log.run("tracking", tracker, lambda: tracker(frames, queries, masks.keyframe))
+    if options.controllers is not None:
+        path = options.controllers
+        controllers = log.run("controllers", Step("user", "1"), lambda: read_controllers(path, frames, masks))
+    else:
+        controllers = log.run(
+            "controllers",
+            Step("contact", "1"),
+            lambda: find_controllers(frames, masks, tracks, calibration, sight.gaussians, tracker),
+        )
+    topology = log.run(
+        "topology",
+        Step("lattice", "1"),
+        lambda: build_topology(
+            sight.gaussians,
+            matter.parts,
+            matter.priors,
+            sight.shape_class,
+            controllers,
+            bind=bind,
+            point_count=options.points,
+            seed=options.seed,
+        ),
+    )
+    parameters = log.run(
+        "parameters",
+        predictor,
+        lambda: predictor(topology, matter.priors, sight.shape_class, calibration, frames, masks, tracks),
+    )
+    held = len(topology.controller_springs) > 0
+    return TwinBundle(
+        manifest=write_manifest(frames, masks.keyframe, calibration, _fingerprint(options)),
+        gaussians=sight.gaussians,
+        topology=topology,
+        parameters=parameters,
+        parts=describe_parts(matter.views, matter.priors, matter.parts, topology, parameters),
+        controls=evenly_timed(controllers.motion, frames.times[masks.keyframe :], frames.fps)
+        if held
+        else None,
+    )
+
+
+def _replay(bundle: TwinBundle, sight: _Sight, options: TwinOptions, log: StageLog) -> TwinBundle:
+    """Roll the twin out under the recorded hand, look at it through the clip's camera, and measure."""
+    renderer = by_name(ALL_RENDERERS, options.renderer, "renderer")() if options.renderer else best_renderer()
+    trajectory = log.run(
+        "simulation",
+        Step("semi-implicit Euler", "1"),
+        lambda: bundle.rollout(progress=log.within("simulation")),
+    )
+    shown = log.run(
+        "preview",
+        Step(renderer.name, "1"),
+        lambda: preview(
+            sight.frames,
+            sight.masks,
+            sight.calibration,
+            bundle.gaussians,
+            bundle.topology,
+            trajectory,
+            bundle.controls,
+            renderer,
+        ),
+    )
+    metrics = {
+        "keyframe_iou": round(float(shown.overlap[0]), 4),
+        "silhouette_iou": round(float(shown.overlap.mean()), 4),
+        "silhouette_iou_per_frame": [round(float(value), 4) for value in shown.overlap],
+        "points": len(bundle.topology.points),
+        "springs": len(bundle.topology.springs),
+        "gaussians": len(bundle.gaussians),
+        "substeps": int(trajectory.metadata["substeps_per_frame"]),
+    }
+    manifest = bundle.manifest.model_copy(
+        update={"metrics": metrics, "stages": tuple(log.records), "warnings": tuple(log.warnings)}
+    )
+    return replace(bundle, manifest=manifest, preview=shown.video)
+
+
+def _fingerprint(options: TwinOptions) -> dict[str, JsonValue]:
+    """The options as JSON, files by their content: what makes one twin another."""
+
+    def plain(value: object) -> JsonValue:
+        if isinstance(value, Path):
+            files = sorted(file for file in value.rglob("*") if file.is_file()) if value.is_dir() else [value]
+            return [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
+        if isinstance(value, tuple):
+            return list(value)
+        assert value is None or isinstance(value, str | int | float)
+        return value
+
+    return {name: plain(value) for name, value in asdict(options).items()}
