@@ -1,11 +1,10 @@
 """A rollout that left the numbers: where, when, and by which term."""
 
-from typing import Protocol
-
 import torch
 from torch import Tensor
 
 from model.errors import InputError
+from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
 from model.simulator.system import Anchors, State
@@ -27,13 +26,6 @@ class SimulationDiverged(InputError):
             f"the simulation diverged in frame {frame}: point {point} is not finite, driven by {term!r}; "
             f"use more than {substeps} substeps per frame, or less extreme parameters"
         )
-
-
-class Drive(Protocol):
-    """Where the controllers are at the end of each substep of a frame."""
-
-    def __call__(self, substep: int) -> Anchors | None:
-        """Anchors at the end of `substep` (from 0)."""
 
 
 def finite(state: State) -> bool:

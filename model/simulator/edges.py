@@ -1,11 +1,11 @@
 """Differences along edges and sums over them: the incidence of the spring graph, both ways differentiable."""
 
 import warnings
+from typing import Any, TypeAlias
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
-from torch.autograd.function import FunctionCtx
 
 
 class Edges(nn.Module):
@@ -102,8 +102,8 @@ def _total(flows: Tensor, edges: Edges) -> Tensor:
     return sums.reshape(*batch, edges.node_count, 3)
 
 
-class _Context(FunctionCtx):
-    edges: Edges
+_Context: TypeAlias = Any
+"""What torch hands a function's two halves to share."""
 
 
 class _Difference(torch.autograd.Function):

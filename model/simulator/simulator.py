@@ -15,6 +15,7 @@ from torch.utils.checkpoint import checkpoint as checkpointed
 from model.errors import InputError
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.divergence import explain, finite
+from model.simulator.drive import Drive, clock
 from model.simulator.dynamics import Dynamics
 from model.simulator.forces.base import ForceTerm
 from model.simulator.integrators.base import Integrator
@@ -166,18 +167,18 @@ class Simulator(nn.Module):
         Warns:
             StabilityWarning: `substeps` is below the stability bound.
         """
-        clock = _clock(times, frames if controls is None else len(controls), fps)
-        motion = self._controls(controls, len(clock))
+        moments = clock(times, frames if controls is None else len(controls), fps)
+        motion = self._controls(controls, len(moments))
         dynamics = self.dynamics()
         now = self._start(dynamics, state, motion)
         now = _remembering(
             dynamics, now, None if motion is None else Anchors(motion[0], torch.zeros_like(motion[0]))
         )
-        counts = self._counts(dynamics, now, motion, np.diff(clock), substeps)
+        counts = self._counts(dynamics, now, motion, np.diff(moments), substeps)
         history = [now]
-        for frame, (interval, count) in enumerate(zip(np.diff(clock), counts, strict=True), start=1):
+        for frame, (interval, count) in enumerate(zip(np.diff(moments), counts, strict=True), start=1):
             dt = float(interval) / count
-            drive = _Drive(motion, frame, float(interval), count)
+            drive = Drive(motion, frame, float(interval), count)
             before = now
             if checkpoint and torch.is_grad_enabled():
                 now = checkpointed(self._advance, dynamics, before, drive, dt, use_reentrant=False)
@@ -187,16 +188,16 @@ class Simulator(nn.Module):
                 raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
             history.append(now)
             if progress is not None:
-                progress(frame, len(clock) - 1)
+                progress(frame, len(moments) - 1)
         return Rollout(
-            torch.from_numpy(clock),
+            torch.from_numpy(moments),
             torch.stack([s.positions for s in history]),
             torch.stack([s.velocities for s in history]),
             now,
             tuple(counts),
         )
 
-    def _advance(self, dynamics: Dynamics, state: State, drive: "_Drive", dt: float) -> State:
+    def _advance(self, dynamics: Dynamics, state: State, drive: Drive, dt: float) -> State:
         for substep in range(drive.count):
             state = self.integrator.step(dynamics, state, drive(substep), dt)
         return state
@@ -273,24 +274,6 @@ class Simulator(nn.Module):
         return [self.contact(name) for name in self.contacts]
 
 
-@dataclass(frozen=True)
-class _Drive:
-    """Controllers between two frames: linear in time, so of constant velocity."""
-
-    motion: Tensor | None
-    frame: int
-    interval: float
-    count: int
-
-    def __call__(self, substep: int) -> Anchors | None:
-        """Anchors at the end of `substep` (from 0)."""
-        if self.motion is None:
-            return None
-        before, after = self.motion[self.frame - 1], self.motion[self.frame]
-        way = after - before
-        return Anchors(before + way * ((substep + 1) / self.count), way / self.interval)
-
-
 def substeps_for(interval: float, limit: float, margin: float) -> int:
     """Substeps of `interval` [s], each at most `limit` / `margin` and at most LONGEST [s]."""
     return math.ceil(interval * max(margin / limit, 1 / LONGEST))
@@ -299,20 +282,3 @@ def substeps_for(interval: float, limit: float, margin: float) -> int:
 def _remembering(dynamics: Dynamics, state: State, anchors: Anchors | None) -> State:
     """The state with the memory at rest of what it does not remember yet."""
     return replace(state, memory={**dynamics.rest_memory(state, anchors), **state.memory})
-
-
-def _clock(times: Sequence[float] | np.ndarray | None, frames: int | None, fps: float) -> np.ndarray:
-    if times is None:
-        if frames is None:
-            raise InputError("how long to roll out is not said: give controls, times or frames")
-        if frames < 1 or not (math.isfinite(fps) and fps > 0):
-            raise InputError(
-                f"{frames} frames at {fps} per second: give at least one frame, and a rate above 0"
-            )
-        return np.arange(frames, dtype=np.float64) / fps
-    clock = np.asarray(times, dtype=np.float64)
-    if frames is not None and len(clock) != frames:
-        raise InputError(f"{len(clock)} times for {frames} frames: give one time [s] per frame")
-    if not len(clock) or not np.isfinite(clock).all() or not (np.diff(clock) > 0).all():
-        raise InputError("times must be finite and strictly increasing [s]")
-    return clock

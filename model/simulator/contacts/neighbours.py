@@ -14,7 +14,7 @@ class NeighbourSearch:
     r"""Pairs of points that are, or may soon be, within a distance of each other.
 
     A list of pairs within distance + skin stays complete while no point has moved, relative to their mean
-    motion, by more than skin / 2: two points that are within the distance now then were within distance + skin.
+    motion, by more than skin / 2: two points within the distance now were then within distance + skin.
     Pairs joined by a spring, and pairs closer than the distance at rest, are never listed.
 
     Reference:

@@ -1,0 +1,91 @@
+"""A small scene with everything in it, and terms with constants drawn from their declared ranges."""
+
+import inspect
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from model.simulator.dynamics import Dynamics
+from model.simulator.system import Anchors, State, System
+
+POINTS, CONTROLLERS = 9, 2
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+@pytest.fixture
+def system(rng):
+    """Nine points in general position, every pair within reach joined, two of them held; float64."""
+    points = torch.from_numpy(rng.uniform(-0.1, 0.1, (POINTS, 3)))
+    apart = torch.cdist(points, points)
+    springs = torch.nonzero(torch.triu(apart < 0.16, diagonal=1))
+    rest = apart[springs[:, 0], springs[:, 1]] * torch.from_numpy(rng.uniform(0.8, 1.2, len(springs)))
+    return System(
+        points=points,
+        mass=torch.from_numpy(rng.uniform(0.5, 2.0, POINTS)),
+        springs=springs,
+        rest_length=rest,
+        controller_springs=torch.tensor([[0, 2], [1, 5], [1, 6]]),
+        controller_rest_length=torch.from_numpy(rng.uniform(0.02, 0.05, 3)),
+        controller_points=torch.from_numpy(rng.uniform(-0.1, 0.1, (CONTROLLERS, 3))),
+    )
+
+
+@pytest.fixture
+def state(rng, system):
+    moved = system.points + torch.from_numpy(rng.normal(0, 0.01, (POINTS, 3)))
+    return State(moved, torch.from_numpy(rng.normal(0, 0.5, (POINTS, 3))))
+
+
+@pytest.fixture
+def anchors(rng, system):
+    return Anchors(system.controller_points, torch.from_numpy(rng.normal(0, 0.5, (CONTROLLERS, 3))))
+
+
+@pytest.fixture
+def free(system):
+    """The same scene, held by nobody."""
+    return System(
+        points=system.points,
+        mass=system.value("mass"),
+        springs=system.springs,
+        rest_length=system.value("rest_length"),
+    )
+
+
+@pytest.fixture
+def make(rng):
+    """Make a term of a class for a system, each constant drawn from the range it declares."""
+
+    def build(kind, system):
+        values = {}
+        for name, constant in kind.constants.items():
+            size = system.size(constant.over)
+            values[name] = torch.from_numpy(np.asarray(rng.uniform(*constant.range, size or ())))
+        given = {"system": system, "distance": 0.06}
+        wanted = inspect.signature(kind.__init__).parameters
+        return kind(**values, **{name: value for name, value in given.items() if name in wanted})
+
+    return build
+
+
+@pytest.fixture
+def force_of():
+    """Force [N] of one term on every point of a system."""
+
+    def force(term, system, state, anchors=None):
+        dynamics = Dynamics(system, [term], [])
+        (_, values) = dynamics.forces[0]
+        return term.force(dynamics.motion(state, anchors), values)
+
+    return force
+
+
+@pytest.fixture
+def rotation():
+    return torch.from_numpy(Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix())
