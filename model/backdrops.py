@@ -31,8 +31,8 @@ def plate(frames: Frames, masks: Masks, width: int, height: int) -> Float32[Arra
     images[hidden] = np.nan
     never = hidden.all(axis=0)
     images[:, never] = 0
-    seen: Array = (np.nanmedian(images, axis=0) * 255).astype(np.uint8)
-    unseen: Array = never.astype(np.uint8)
+    seen = np.asarray(np.nanmedian(images, axis=0) * 255, np.uint8)
+    unseen = np.asarray(never, np.uint8)
     filled = np.asarray(cv2.inpaint(seen, unseen, 5, cv2.INPAINT_TELEA), np.float32) / 255
     soft = cv2.GaussianBlur(filled, (0, 0), 1.5)
     grey = soft.mean(axis=2, keepdims=True)

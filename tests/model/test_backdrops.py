@@ -40,11 +40,11 @@ def test_a_studio_has_floor_lines_only_on_a_ground():
 def test_a_shadow_falls_under_the_body_and_wanders_as_it_rises():
     bright = np.full((120, 160, 3), 0.8, np.float32)
     rng = np.random.default_rng(1)
-    body = rng.uniform(-0.04, 0.04, (3000, 3)) + [0, 0, 0.04]
+    body = rng.uniform(-0.04, 0.04, (3000, 3)) + np.array([0, 0, 0.04])
     volumes = np.full(3000, 0.08**3 / 3000)
 
     def darkest(lift):
-        shaded = shade(bright, body + [0, 0, lift], volumes, 0.0, CAMERA)
+        shaded = shade(bright, body + np.array([0, 0, lift]), volumes, 0.0, CAMERA)
         assert shaded.max() <= 0.8 + 1e-6
         assert shaded.min() < 0.6
         return np.array(np.unravel_index(shaded[..., 0].argmin(), (120, 160)))[::-1]

@@ -31,7 +31,7 @@ def ball(count=600):
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     means = (directions * 0.08 * rng.uniform(0, 1, (count, 1)) ** (1 / 3) + [0, 0, 0.08]).astype(np.float32)
     grid = np.stack(np.meshgrid(*[[-0.05, 0, 0.05]] * 3), axis=-1).reshape(-1, 3)
-    points = (grid + [0, 0, 0.08]).astype(np.float32)
+    points = (grid + np.array([0, 0, 0.08])).astype(np.float32)
     first, second = np.triu_indices(27, 1)
     length = np.linalg.norm(points[first] - points[second], axis=1)
     near = length < 0.09
