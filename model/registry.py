@@ -1,21 +1,22 @@
 """Choosing one method of a stage by its name."""
 
 from collections.abc import Iterable
-from typing import ClassVar, Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from model.errors import InputError
 
 
+@runtime_checkable
 class Named(Protocol):
-    """Anything that is chosen by name."""
+    """Anything that is chosen by name: here, the classes of a stage's methods themselves."""
 
-    name: ClassVar[str]
+    name: str
 
 
 T = TypeVar("T", bound=Named)
 
 
-def by_name(methods: Iterable[type[T]], name: str, stage: str) -> type[T]:
+def by_name(methods: Iterable[T], name: str, stage: str) -> T:
     """Return the method called `name`.
 
     Raises:
