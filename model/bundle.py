@@ -193,7 +193,7 @@ class TwinBundle:
             substeps: Per frame; None: as many as stability asks for.
 
         Raises:
-            InputError: the frame rate is unknown, the controls do not fit, or the motion does not stay finite.
+            InputError: the frame rate is unknown, the controls do not fit, or the motion diverges.
         """
         import torch
 

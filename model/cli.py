@@ -59,7 +59,7 @@ def matphys(context: click.Context, debug: bool) -> None:
 
 
 @matphys.command()
-@click.argument("video", type=InputFile)
+@click.argument("video", type=click.Path(exists=True, path_type=Path))
 @click.option("--out", type=OutputFile, required=True, metavar="NAME.twin.zip", help="Where the twin goes.")
 @click.option(
     "--preview", type=OutputFile, metavar="MP4", help="Also write the preview as a file of its own."
@@ -91,7 +91,7 @@ def matphys(context: click.Context, debug: bool) -> None:
 )
 @click.option("--quiet", is_flag=True, help="No progress, no warnings, no tables.")
 def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: bool, **options: object) -> None:
-    """Turn the clip VIDEO into a twin.
+    """Turn the clip VIDEO (a file, or a folder of numbered images) into a twin.
 
     Nothing but the clip is needed: what is not given is estimated, and the twin says how.
     """

@@ -7,6 +7,7 @@ import sys
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -213,3 +214,83 @@ class TestSaving:
 )
 def test_missing_members_are_refused(member: str, write_twin, refusal):
     assert f"{member} is missing" in refusal(write_twin(files={member: None}))
+
+
+def reference_rollout(tensors: dict[str, np.ndarray], gravity: list[float], substeps: int) -> np.ndarray:
+    """Semi-implicit Euler of the design's equations, in float64 and by itself."""
+    system = {
+        name: value.astype(float) if value.dtype.kind == "f" else value for name, value in tensors.items()
+    }
+    points, motion = system["points"].copy(), system["controls"]
+    i, j = system["springs"].T
+    c, p = system["controller_springs"].T
+    dt, speed, frames = 1 / 30 / substeps, np.zeros_like(points), [points.copy()]
+
+    def pull(way, rate, stiffness, rest):
+        length = np.linalg.norm(way, axis=1, keepdims=True)
+        axis = way / length
+        return (
+            stiffness[:, None] * (length - rest[:, None]) + 0.05 * (rate * axis).sum(1, keepdims=True)
+        ) * axis
+
+    for before, after in pairwise(motion):
+        for step in range(1, substeps + 1):
+            hand = before + (after - before) * step / substeps
+            force = np.zeros_like(points)
+            inner = pull(
+                points[j] - points[i], speed[j] - speed[i], system["stiffness"], system["rest_length"]
+            )
+            np.add.at(force, i, inner)
+            np.add.at(force, j, -inner)
+            rate = (after - before)[c] * 30 - speed[p]
+            springs = system["controller_stiffness"], system["controller_rest_length"]
+            np.add.at(force, p, pull(hand[c] - points[p], rate, *springs))
+            speed = (speed + dt * (force / system["mass"][:, None] + gravity)) * np.exp(-0.8 * dt)
+            points = points + dt * speed
+        frames.append(points.copy())
+    return np.stack(frames)
+
+
+class TestRollout:
+    @pytest.mark.parametrize("gravity", [[0.0, 0.0, -9.81], [2.0, 0.0, -3.0]])
+    def test_an_independent_reference_agrees(self, write_twin, members, tensors, gravity: list[float]):
+        parameters = json.loads(members["parameters.json"])
+        parameters["gravity"] = {"value": gravity, "unit": "m/s^2", "source": "user"}
+        twin = TwinBundle.load(write_twin(files={"parameters.json": json.dumps(parameters).encode()}))
+        rollout = twin.rollout()
+        expected = reference_rollout(tensors, gravity, 400)
+        np.testing.assert_allclose(rollout.times, np.arange(5) / 30)
+        moved = np.abs(expected - expected[0]).max()
+        assert moved > 0.02
+        assert np.abs(rollout.points - expected).max() < 0.02 * moved
+
+    def test_progress_reaches_the_end(self, twin_path: Path):
+        shares: list[float] = []
+        TwinBundle.load(twin_path).rollout(progress=shares.append, substeps=20)
+        assert shares == [0.25, 0.5, 0.75, 1.0]
+
+    @pytest.mark.parametrize(
+        ("source", "frames"),
+        [({"fps": 50, "frames": 3}, 3), ({"fps": 50, "frames": 3, "keyframe": 1}, 2), ({"fps": 3}, 4)],
+    )
+    def test_without_controls_the_clip_says_how_long(
+        self, write_twin, tensors, source: dict[str, float], frames: int
+    ):
+        manifest = json.dumps({"schema": "matphys.twin/1", "source": source}).encode()
+        twin = TwinBundle.load(
+            write_twin(files={"twin.json": manifest}, controls=None, stiffness=tensors["stiffness"] / 100)
+        )
+        np.testing.assert_allclose(twin.rollout(substeps=60).times, np.arange(frames) / source["fps"])
+
+
+def test_the_camera_of_the_manifest(write_twin):
+    pose = np.eye(4)
+    pose[:3, 3] = [0.1, 0.2, 0.3]
+    record = {"intrinsics": [[500, 0, 320], [0, 500, 240], [0, 0, 1]], "world_from_camera": pose.tolist()}
+    source = {"width": 640, "height": 480, "camera": record}
+    manifest = json.dumps({"schema": "matphys.twin/1", "source": source}).encode()
+    camera = TwinBundle.load(write_twin(files={"twin.json": manifest})).camera
+    assert camera is not None
+    assert (camera.width, camera.height) == (640, 480)
+    np.testing.assert_array_equal(camera.position, [0.1, 0.2, 0.3])
+    assert camera.intrinsics[0, 2] == 320

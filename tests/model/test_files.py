@@ -1,0 +1,48 @@
+from pathlib import Path
+
+import pytest
+
+from model.errors import InputError
+from model.files import check_writable, replacing
+
+
+def test_replaces_at_the_end(tmp_path: Path):
+    path = tmp_path / "new" / "x.mp4"
+    with replacing(path) as temporary:
+        assert temporary.suffix == ".mp4"
+        assert temporary.parent == path.parent
+        temporary.write_bytes(b"one")
+        assert not path.exists()
+    assert path.read_bytes() == b"one"
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_failure_changes_nothing(tmp_path: Path):
+    path = tmp_path / "x.mp4"
+    path.write_bytes(b"old")
+
+    def write_half() -> None:
+        with replacing(path) as temporary:
+            temporary.write_bytes(b"half")
+            raise RuntimeError("stop")
+
+    with pytest.raises(RuntimeError, match="stop"):
+        write_half()
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_long_name(tmp_path: Path):
+    path = tmp_path / ("x" * 240 + ".twin.zip")
+    with replacing(path) as temporary:
+        temporary.write_bytes(b"one")
+    assert path.exists()
+
+
+def test_what_cannot_be_a_file(tmp_path: Path):
+    (tmp_path / "file").touch()
+    for path in (tmp_path, tmp_path / "file" / "x", tmp_path / ("x" * 300)):
+        with pytest.raises(InputError, match="cannot write"), replacing(path):
+            pass
+    check_writable(tmp_path / "not" / "yet" / "there")
+    assert not (tmp_path / "not").exists()
