@@ -10,7 +10,7 @@ from model.neighbourhood import neighbourhood_graph
 from model.spectral import spectral_clusters
 from model.types import Array, Features, Gaussians, Parts
 
-SMOOTHING_ROUNDS = 3
+SMOOTHING_ROUNDS = 1
 """How often features are averaged over neighbours: stripes and seams are not parts."""
 VOTING_ROUNDS = 2
 
@@ -88,7 +88,8 @@ class _Partition:
     def cut(self, nodes: Int[Array, " n"], count: int) -> Int[Array, " n"]:
         """Clusters of some of the nodes, which must be connected."""
         inside = self.graph[nodes][:, nodes]
-        return spectral_clusters(inside, self.points[nodes], self.values[nodes], count, self.seed)
+        points, values = self.points[nodes], self.values[nodes]
+        return spectral_clusters(inside, points, values, count, self.least, self.seed)
 
     def tidy(self, labels: Int[Array, " G"]) -> Int[Array, " G"]:
         """Vote at the borders, keep one piece per label, dissolve what is too small."""

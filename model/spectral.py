@@ -13,7 +13,12 @@ CELL_COUNT = 1500
 """Size of the coarse graph on which the eigenvectors are found."""
 AFFINITY_FLOOR = 1e-3
 """Affinity of the most different neighbours: even a sharp border still conducts a little."""
-ATTEMPTS = 20
+SPREAD_SHARE = 0.3
+"""Differences between adjacent cells below this share of the spread of all features are no border."""
+ATTEMPTS = 10
+"""Runs of k-means, of which the best counts."""
+SURPLUS = (0, 2, 4)
+"""Clusters found beyond those wanted, before the best merges bring them down."""
 
 
 def spectral_clusters(
@@ -21,20 +26,23 @@ def spectral_clusters(
     points: Float[Array, "N 3"],
     features: Float[Array, "N D"],
     count: int,
+    least: int,
     seed: int,
 ) -> Int[Array, " N"]:
     """Cut a graph where few edges cross or where features change.
 
     The graph is coarsened to geodesic cells around evenly spread seeds; two cells conduct by the number of
     edges between them and the likeness of their mean features (relative to what is usual between adjacent
-    cells, so that any encoder's units will do). The normalised-cut relaxation embeds the cells and k-means
-    reads the clusters off.
+    cells, so that any encoder's units will do). The relaxed normalised cut embeds the cells, k-means reads
+    clusters off, once as many as wanted and again a few more that are merged; the one with the fewest too
+    small clusters, and then the least cut, is taken.
 
     Args:
         graph: Connected, symmetric, edges weighted by length [m].
         points: Positions of its nodes [m].
         features: On its nodes.
         count: How many clusters to look for (fewer nodes than that: one cluster each).
+        least: How many nodes a cluster should have.
         seed: Of k-means.
 
     Returns:
@@ -50,8 +58,18 @@ def spectral_clusters(
     affinity = _affinity(graph, cell, np.asarray(features, np.float64))
     if affinity.shape[0] <= count:
         return cell
-    labels: Int[Array, " N"] = _k_means(_embedding(affinity, count), count, seed)[cell]
-    return labels
+    most = min(count + max(SURPLUS), affinity.shape[0] - 1)
+    vectors = _eigenvectors(affinity, most)
+    sizes = np.bincount(cell)
+    best, lowest = np.zeros(affinity.shape[0], np.int64), (affinity.shape[0], np.inf)
+    for number in sorted({min(count + surplus, most) for surplus in SURPLUS}):
+        rows = vectors[:, :number]
+        rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12)
+        labels, cost = _merge_down(affinity, sizes, _k_means(rows, number, seed), count, least)
+        if cost < lowest:
+            best, lowest = labels, cost
+    clusters: Int[Array, " N"] = best[cell]
+    return clusters
 
 
 def _cells(graph: csr_matrix, points: Float64[Array, "N 3"]) -> Int[Array, " N"]:
@@ -82,26 +100,72 @@ def _affinity(graph: csr_matrix, cell: Int[Array, " N"], features: Float64[Array
     apart = between.row != between.col
     row, column, edge_count = between.row[apart], between.col[apart], between.data[apart]
     difference = np.sqrt(((mean[row] - mean[column]) ** 2).sum(axis=1))
-    usual = max(float(np.quantile(difference, 0.75)), 1e-12) if len(difference) else 1.0
+    if not len(difference):
+        return between.tocsr()
+    spread = float(np.sqrt(mean.var(axis=0).sum()))
+    usual = max(float(np.quantile(difference, 0.75)), SPREAD_SHARE * spread, 1e-12)
     likeness = np.exp(-0.5 * (difference / usual) ** 2) + AFFINITY_FLOOR
     return coo_matrix((edge_count * likeness, (row, column)), shape=(count, count)).tocsr()
 
 
-def _embedding(affinity: csr_matrix, count: int) -> Float64[Array, "n k"]:
-    """Rows of the first eigenvectors of the normalised Laplacian, scaled to unit length."""
+def _eigenvectors(affinity: csr_matrix, count: int) -> Float64[Array, "n k"]:
+    """The first eigenvectors of the normalised Laplacian, the smoothest first."""
     degree = np.asarray(affinity.sum(axis=1)).ravel()
     scale = 1.0 / np.sqrt(np.maximum(degree, 1e-12))
     laplacian = diags(np.ones(len(degree))) - diags(scale) @ affinity @ diags(scale)
     if affinity.shape[0] <= 4 * count:
-        values, vectors = np.linalg.eigh(laplacian.toarray())
-        vectors = vectors[:, :count]
+        vectors = np.linalg.eigh(laplacian.toarray())[1]
     else:
         start = np.random.default_rng(0).standard_normal(len(degree))
         values, vectors = eigsh(laplacian.tocsc(), k=count, sigma=-1e-3, which="LM", v0=start)
         vectors = vectors[:, np.argsort(values)]
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    rows: Float64[Array, "n k"] = vectors / np.maximum(length, 1e-12)
-    return rows
+    first: Float64[Array, "n k"] = vectors[:, :count]
+    return first
+
+
+def _merge_down(
+    affinity: csr_matrix, sizes: Int[Array, " n"], labels: Int[Array, " n"], count: int, least: int
+) -> tuple[Int[Array, " n"], tuple[int, float]]:
+    """Merge adjacent clusters, each time the pair that leaves the lowest cost; that cost."""
+    labels = np.unique(labels, return_inverse=True)[1]
+    member = coo_matrix((np.ones(len(labels)), (labels, np.arange(len(labels))))).tocsr()
+    between, held = (member @ affinity @ member.T).toarray(), member @ sizes
+    while len(between) > count:
+        pairs = [(a, b) for a in range(len(between)) for b in range(a) if between[a, b] > 0.0]
+        if not pairs:
+            break
+        costs = [_cost(_merged(between, a, b), _moved(held, a, b), least) for a, b in pairs]
+        gone, keep = pairs[costs.index(min(costs))]
+        between, held = _merged(between, gone, keep), _moved(held, gone, keep)
+        labels = np.where(labels == gone, keep, labels)
+        labels = labels - (labels > gone)
+    return labels, _cost(between, held, least)
+
+
+def _merged(between: Float64[Array, "m m"], gone: int, keep: int) -> Float64[Array, "l l"]:
+    """Affinities with one cluster added to another and removed."""
+    merged = between.copy()
+    merged[keep] += merged[gone]
+    merged[:, keep] += merged[:, gone]
+    return np.delete(np.delete(merged, gone, axis=0), gone, axis=1)
+
+
+def _moved(held: Float64[Array, " m"], gone: int, keep: int) -> Float64[Array, " l"]:
+    """Sizes with one cluster added to another and removed."""
+    moved = held.copy()
+    moved[keep] += moved[gone]
+    return np.delete(moved, gone)
+
+
+def _cost(between: Float64[Array, "m m"], held: Float64[Array, " m"], least: int) -> tuple[int, float]:
+    """How many clusters are too small; then the normalised cut.
+
+    The cut is the sum over clusters of the share of their affinity that leaves them, rounded so that ties
+    stay ties.
+    """
+    total = np.maximum(between.sum(axis=1), 1e-12)
+    cut = float((1.0 - between.diagonal() / total).sum())
+    return int((held < least).sum()), round(cut, 9)
 
 
 def _k_means(rows: Float64[Array, "n k"], count: int, seed: int) -> Int[Array, " n"]:

@@ -140,7 +140,7 @@ def test_seeds_agree():
 
 
 def test_noise_moves_little():
-    """With as many parts as the body has: which of four equal limbs joins it if one must is anyone's guess."""
+    """With as many parts as the body has: which limb joins it if one must is a toss-up."""
     points, _ = plush()
     base = noise(len(points)) + (points[:, 1:2] > 0.13)
     first = segment_parts(gaussians(points), features(base), count=6).labels.astype(int)
