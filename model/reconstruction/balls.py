@@ -10,8 +10,8 @@ from scipy import ndimage
 from model.reconstruction.volume import Volume, grid_around
 from model.types import Array, Camera
 
-FLATTEST = 0.4
-"""Thickness to width of a body that is as wide as it is long (a cushion)."""
+CUSHION, BALL = 0.38, 0.85
+"""Thickness to width of bodies as wide as long: with corners in the outline, and with a round one."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,15 @@ class Balls:
 def flatness_of(mask: Bool[Array, "H W"]) -> float:
     """Thickness over width that a body with this outline probably has.
 
-    Limbs and ropes are round; the wider a body is for its length, the flatter it lies (cushions).
-    A stated assumption: one view does not show thickness.
+    Limbs and ropes are round; the wider a body is for its length, the flatter it lies, unless its outline
+    is a circle. A stated assumption: one view does not show thickness.
     """
     widest = float(cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, 5).max())
-    rows, columns = np.nonzero(mask)
-    length = float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
-    return float(np.interp(widest / length, [0.08, 0.32], [1.0, FLATTEST]))
+    pixels = np.argwhere(mask).astype(np.float32)
+    length = 2.0 * cv2.minEnclosingCircle(pixels)[1] + 1.0
+    roundness = 4.0 * len(pixels) / (np.pi * length**2)
+    broad = float(np.interp(roundness, [0.65, 0.9], [CUSHION, BALL]))
+    return float(np.interp(widest / length, [0.08, 0.32], [1.0, broad]))
 
 
 def resting_balls(mask: Bool[Array, "H W"], camera: Camera, flatness: float, ground_height: float) -> Balls:

@@ -49,26 +49,36 @@ class Filling:
         )
 
 
-INSET = 0.75
-"""How far below the surface the outer layer lies, in spacings: what its footprint reaches beyond it."""
+FLATTENED = 0.34
+"""Standard deviation of surface Gaussians along the normal, in spacings."""
+INSET = 2.2
+"""How far below the surface the outer layer lies, in standard deviations of its blurred footprint."""
+PIXEL_BLUR = 0.55
+"""Standard deviation that rasterisers add to a footprint, in pixels (0.3 px² of variance)."""
 
 
-def fill(volume: Volume, count: int = TARGET_COUNT) -> Filling:
+def fill(volume: Volume, pixel: float = 0.0, count: int = TARGET_COUNT) -> Filling:
     """Fill a body with about `count` Gaussians whose volumes sum to the body's.
 
     The spacing follows from the body's volume and surface; the generator has a fixed seed, so the same
     body gives the same Gaussians.
+
+    Args:
+        volume: The body.
+        pixel: Size of a pixel at the body [m]: rendering blurs by about half of it, so the outer layer
+            lies deeper by that and the outline stays where it is.
+        count: How many to aim for.
     """
     candidates, normals = _surface_candidates(volume)
     area = _area(volume)
     spacing = _spacing_for(count, volume.total, area)
     for _ in range(2):  # the packing is only roughly known: correct the spacing by what came out
-        means, outward = _place(volume, candidates, normals, spacing)
+        means, outward = _place(volume, candidates, normals, spacing, pixel)
         spacing *= float(np.clip((len(means) / count) ** 0.4, 0.8, 1.25))
-    means, outward = _place(volume, candidates, normals, spacing)
+    means, outward = _place(volume, candidates, normals, spacing, pixel)
     scales = np.full((len(means), 3), 0.62 * COARSER_INSIDE * spacing)
     at_surface = np.any(outward != 0, axis=-1)
-    scales[at_surface] = np.array([0.62, 0.62, 0.34]) * spacing
+    scales[at_surface] = np.array([0.62, 0.62, FLATTENED]) * spacing
     return Filling(means, outward, scales, _shares(volume, means), spacing)
 
 
@@ -134,10 +144,15 @@ def _surface_candidates(volume: Volume) -> tuple[Float64[Array, "N 3"], Float64[
 
 
 def _place(
-    volume: Volume, candidates: Float64[Array, "N 3"], normals: Float64[Array, "N 3"], spacing: float
+    volume: Volume,
+    candidates: Float64[Array, "N 3"],
+    normals: Float64[Array, "N 3"],
+    spacing: float,
+    pixel: float,
 ) -> tuple[Float64[Array, "G 3"], Float64[Array, "G 3"]]:
     """Surface and interior centres for one spacing."""
-    inset = candidates - INSET * spacing * normals
+    depth = INSET * float(np.hypot(FLATTENED * spacing, PIXEL_BLUR * pixel))
+    inset = candidates - depth * normals
     # Where the body is thinner than two insets, both sides meet in the middle instead of crossing.
     crossed = volume.sample(inset) < 0.2 * spacing
     inset[crossed] = candidates[crossed] - np.minimum(0.15 * spacing, volume.spacing) * normals[crossed]

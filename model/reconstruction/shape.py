@@ -102,18 +102,18 @@ def _is_sheet(image: UInt8[Array, "H W 3"], mask: Bool[Array, "H W"]) -> bool:
     outline = max(outlines, key=cv2.contourArea)
     area = float(cv2.contourArea(outline))
     hull = cv2.convexHull(outline)
-    if area < 50 or area / max(float(cv2.contourArea(hull)), 1.0) < 0.9:
+    if area < 50 or area / max(float(cv2.contourArea(hull)), 1.0) < 0.88:
         return False
     polygon = _polygon(hull)
     filled = np.zeros(mask.shape, np.uint8)
     cv2.fillPoly(filled, [polygon.astype(np.int32)], 1)
     straight = overlap(mask, filled > 0)
-    return len(polygon) <= 6 and straight > 0.93 and _shading(image, mask) < SHEET_SHADING
+    return len(polygon) <= 8 and straight > 0.93 and _shading(image, mask) < SHEET_SHADING
 
 
 def _polygon(hull: Int[Array, "P 1 2"]) -> Int[Array, "Q 1 2"]:
-    """The convex hull with as few corners as 2 % of its length allow."""
-    polygon: Int[Array, "Q 1 2"] = cv2.approxPolyDP(hull, 0.02 * cv2.arcLength(hull, True), True)
+    """The convex hull with as few corners as 1 % of its length allows."""
+    polygon: Int[Array, "Q 1 2"] = cv2.approxPolyDP(hull, 0.01 * cv2.arcLength(hull, True), True)
     return polygon
 
 

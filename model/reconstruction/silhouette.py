@@ -59,9 +59,11 @@ class SilhouetteReconstructor(Reconstructor):
         filling = (
             _sheet(mask, calibration)
             if shape_class == "sheet"
-            else fill(body_of(mask, calibration, shape_class))
+            else fill(body_of(mask, calibration, shape_class), _pixel_size(mask, calibration))
         )
-        gaussians = filling.painted(colors_from_image(filling, calibration.camera, image, mask))
+        gaussians = filling.painted(
+            colors_from_image(filling, calibration.camera, image, masks.object[masks.keyframe])
+        )
         score = overlap(silhouette_of(gaussians, calibration.camera), mask)
         if score < 0.9:
             note = f"the reconstruction covers the keyframe's mask with an overlap of only {score:.2f}"
@@ -112,7 +114,7 @@ def body_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: Sha
     balls = balls_of(mask, calibration, shape_class)
     camera = calibration.camera
     axes = np.eye(3) if calibration.ground_height is not None else camera.world_from_camera[:3, :3].copy()
-    pixel = float(np.median(camera.to_camera(balls.centers)[:, 2]) / camera.intrinsics[0, 0])
+    pixel = _pixel_size(mask, calibration)
     volume = inflate(balls, axes, 0.5 * pixel)
     for _ in range(2):
         volume = _grounded(carved(volume, mask, camera), calibration.ground_height)
@@ -121,6 +123,17 @@ def body_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: Sha
             break
         paint_balls(volume, missing)
     return _grounded(carved(volume, mask, camera), calibration.ground_height)
+
+
+def _pixel_size(mask: Bool[Array, "H W"], calibration: Calibration) -> float:
+    """What a pixel of the object measures [m]."""
+    camera, ground = calibration.camera, calibration.ground_height
+    depth = resting_depth(camera)
+    if ground is not None:
+        rows, columns = np.nonzero(mask)
+        middle = np.array([[columns.mean(), rows.mean()]])
+        depth = float(camera.to_camera(plane_points(camera, middle, np.array([0.0, 0.0, 1.0]), ground))[0, 2])
+    return depth / float(camera.intrinsics[0, 0])
 
 
 def _grounded(volume: Volume, ground_height: float | None) -> Volume:
