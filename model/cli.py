@@ -98,7 +98,7 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
     _check_outputs(video, out, preview)
     from model.pipeline import TwinOptions, build_twin
 
-    given = {name: value for name, value in options.items() if value is not None}
+    given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     with progress(quiet) as report:
         result = build_twin(video, TwinOptions(**given), report)
         result.bundle.save(out)
