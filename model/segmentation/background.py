@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 
 from model.segmentation.color_model import ColorModel, log_ratio, to_lab
-from model.segmentation.regions import around, grown
+from model.segmentation.regions import around, grown, signed_distance, without_gaps
 from model.types import Array
 
 RATIO_BINS, DELTA_BINS, TEXTURE_BINS = 24, 20, 4
@@ -129,8 +129,8 @@ def shadow_prior() -> Float32[Array, " C"]:
     hue = np.hypot(delta[:, None], delta[None, :])[None, :, :, None]
     dark = 1.2 * np.clip(-level, 0, 0.5) + 6 * np.clip(-level - 0.5, 0, 0.5)
     bright = 14 * np.clip(level - 0.04, 0, 0.3)
-    rough = np.array([-0.3, 0.2, 0.9, 1.4])
-    odds = -1.8 + 0.55 * np.clip(hue - 1.5, 0, 8) + dark + bright + rough
+    rough = np.array([-0.8, -0.1, 0.9, 1.5])
+    odds = -1.8 + 0.55 * np.clip(hue - 2.5, 0, 8) + dark + bright + rough
     return np.clip(odds, -3, 3).astype(np.float32).reshape(-1)
 
 
@@ -147,36 +147,39 @@ class Contrast:
         images: UInt8[Array, "T H W 3"], objects: Bool[Array, "T H W"], hands: Bool[Array, "T H W"]
     ) -> "Contrast":
         """From the empty scene behind rough masks, and what is known of shadows in general."""
-        blocked = np.stack([grown(o | h, 4) for o, h in zip(objects, hands, strict=True)])
+        # A gap in a rough mask must not teach the object's own colours as the scene's: block gaps, too.
+        blocked = np.stack([grown(without_gaps(o, 6) | h, 4) for o, h in zip(objects, hands, strict=True)])
         return Contrast(Background.of(images, blocked), 1.3 * shadow_prior())
 
     def learned(
         self, images: UInt8[Array, "T H W 3"], objects: Bool[Array, "T H W"], hands: Bool[Array, "T H W"]
     ) -> "Contrast":
         """Sharpened to this clip by masks that are nearly right."""
-        codes, inside, outside = [], [], []
+        codes, inside, outside, prior = [], [], [], shadow_prior()
         for index in np.unique(np.linspace(0, len(images) - 1, 16).round().astype(int)):
             if not objects[index].any():
                 continue
             window = around(objects[index], 30)
             mask, hand = objects[index][window], grown(hands[index][window], 2)
             codes.append(difference_codes(to_lab(images[index]), self.background.lab)[window].ravel())
-            inside.append((mask & ~hand).ravel())
-            outside.append((~grown(mask, 1) & ~hand).ravel())
+            # What looks like a shadow is believed to be object only well within the mask.
+            sure = (prior[codes[-1]].reshape(mask.shape) > -0.3) | (signed_distance(mask) > 8)
+            inside.append((mask & sure & ~hand).ravel())
+            outside.append((~grown(without_gaps(mask, 6), 1) & ~hand).ravel())
         seen = np.concatenate(codes)
         models = [ColorModel.of(seen, np.concatenate(where), SHAPE) for where in (inside, outside)]
-        return Contrast(self.background, 0.5 * np.clip(log_ratio(*models), -4, 4) + 0.9 * shadow_prior())
+        return Contrast(self.background, 0.7 * np.clip(log_ratio(*models), -1.5, 4) + prior)
 
     def __call__(self, lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
         """Log-odds of the object per pixel of a whole frame."""
         odds: Float32[Array, "H W"] = self.table[difference_codes(lab, self.background.lab)]
         return odds
 
-    def unchanged(self, lab: Float32[Array, "H W 3"]) -> Bool[Array, "H W"]:
-        """Where the frame shows the empty scene, or its shadow, as it was really seen."""
-        ratio = (lab[..., 0] + 4) / (self.background.lab[..., 0] + 4)
-        delta = lab[..., 1:] - self.background.lab[..., 1:] * np.minimum(ratio, 1)[..., None]
-        same: Bool[Array, "H W"] = (
-            (np.abs(delta).sum(-1) < 4) & (ratio > 0.75) & (ratio < 1.1) & self.background.seen
-        )
-        return same
+    def changed(self, lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
+        """Log-odds that something covers the scene, whatever was learned about the object."""
+        odds: Float32[Array, "H W"] = shadow_prior()[difference_codes(lab, self.background.lab)]
+        return odds
+
+    def doubt(self, lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
+        """1 where the empty scene cannot tell, 0 where it is sure."""
+        return np.exp(-np.square(np.minimum(self.changed(lab) + 0.3, 0) / 1.2)).astype(np.float32)

@@ -12,7 +12,7 @@ from model.segmentation.base import Segmenter
 from model.segmentation.color_model import to_lab
 from model.segmentation.keyframe import find_object, hand_regions, object_in_box, refined, settle
 from model.segmentation.propagation import propagate
-from model.segmentation.regions import grown, touching
+from model.segmentation.regions import grown, touching, without_specks
 from model.segmentation.skin import SkinModel
 from model.types import Array, Frames, Masks, Prompt
 
@@ -39,8 +39,11 @@ class ClassicalSegmenter(Segmenter):
         seed, hands[keyframe] = settle(seed, hands[keyframe])
         objects = propagate(small, hands, seed, keyframe)
         if camera_rests(small):
+            rough = objects
             for again in (False, True, True):
-                contrast = Contrast.guess(small, objects, hands)
+                contrast = Contrast.guess(small, objects | rough, hands)
+                hands &= np.stack([contrast.changed(lab) > -1 for lab in labs])
+                hands = np.stack([without_specks(hand, 0.001 * hand.size) for hand in hands])
                 if again:
                     contrast = contrast.learned(small, objects, hands)
                 seed = refined(labs[keyframe], seed, hands[keyframe], contrast)

@@ -13,6 +13,7 @@ from model.segmentation.regions import (
     labels_of,
     signed_distance,
     touching,
+    without_gaps,
     without_holes,
     without_specks,
 )
@@ -123,7 +124,12 @@ def refined(
 ) -> Bool[Array, "H W"]:
     """The object on the keyframe, once it is known how it differs from the empty scene."""
     distance = signed_distance(seed)
-    odds = np.clip(contrast(lab), -3, 3) + np.clip(distance / 4, -1.5, 0.5) - 3.0 * hand
-    u = min_cut(odds.astype(np.float32), *edge_weights(lab, 3.0), seed.astype(np.float32), 80)
+    odds = np.clip(contrast(lab), -3, 3)
+    evidence = odds + np.clip(distance / 4, -1.5, 0.5) - 3.0 * hand
+    weights = edge_weights(lab, 3.0)
+    u = min_cut(evidence.astype(np.float32), *weights, seed.astype(np.float32), 80)
+    # White fur on a white table does not tell; where the rest of the object encloses it, believe the seed.
+    doubtful = without_gaps(u > 0.5, 6) & seed & (contrast.doubt(lab) > 0.2) & ~hand
+    u = min_cut(np.where(doubtful, np.maximum(evidence, 1.5), evidence).astype(np.float32), *weights, u, 80)
     found = without_holes(touching((u > 0.5) & ~hand, distance > 3), 30)
     return found if found.any() else seed

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float32, UInt8
 from model.segmentation.background import Contrast
 from model.segmentation.color_model import ColorModel, color_codes, log_ratio, to_lab
 from model.segmentation.min_cut import edge_weights, min_cut
-from model.segmentation.regions import around, grown, signed_distance, touching, without_holes
+from model.segmentation.regions import around, grown, signed_distance, touching, without_gaps, without_holes
 from model.types import Array
 
 MARGIN = 30
@@ -110,8 +110,13 @@ class _Carrier:
         if self.contrast is None:
             evidence = color + place
         else:
-            evidence = 0.5 * color + np.clip(self.contrast(lab)[window], -4, 4) + 0.3 * np.minimum(place, 1.5)
+            # Where the scene behind does not tell (white fur on a white table), motion decides.
+            odds = np.clip(self.contrast(lab)[window], -4, 4)
+            evidence = 0.5 * color + odds + (0.3 + 0.5 * self.contrast.doubt(lab)[window]) * place
         evidence = (evidence - 2.5 * (hand & (prior[window] < 0.9))).astype(np.float32)
         u = min_cut(evidence, *edge_weights(near, 3.0), prior[window], 40)
         mask = (u > 0.5) & ~(hand & (prior[window] < 0.5))
+        if self.contrast is not None:
+            enclosed = without_gaps(mask, 5) & (distance > 0) & (self.contrast.doubt(lab)[window] > 0.1)
+            mask |= enclosed & ~hand
         self.masks[now][window] = without_holes(touching(mask, distance > 1.5), 30)

@@ -60,3 +60,13 @@ def around(mask: Bool[Array, "H W"], margin: int) -> Box:
         slice(max(0, int(ys[0]) - margin), int(ys[-1]) + margin + 1),
         slice(max(0, int(xs[0]) - margin), int(xs[-1]) + margin + 1),
     )
+
+
+def without_gaps(mask: Bool[Array, "H W"], radius: int) -> Bool[Array, "H W"]:
+    """Closed by a disc [px] and all its holes filled."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    closed = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, disc).astype(bool)
+    frame = np.ones_like(closed)
+    frame[1:-1, 1:-1] = False
+    filled: Bool[Array, "H W"] = ~touching(~closed, frame & ~closed)
+    return filled
