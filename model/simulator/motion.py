@@ -27,8 +27,8 @@ class Motion:
         edges: Edges,
         state: State,
         anchors: Anchors | None,
-        mass: Float[Tensor, "*b N 1"],
-        rest_length: Float[Tensor, "*b e"],
+        mass: Float[Tensor, "*m N 1"],
+        rest_length: Float[Tensor, "*r e"],
     ) -> None:
         """Look at `state` [m, m/s] with the controllers at `anchors`; `rest_length` [m] is one per edge."""
         self.edges, self.mass, self.rest_length = edges, mass, rest_length

@@ -21,7 +21,7 @@ class ContactTerm(Parametric, ABC):
         self,
         positions: Float[Tensor, "*b N 3"],
         velocities: Float[Tensor, "*b N 3"],
-        mass: Float[Tensor, "*b N 1"],
+        mass: Float[Tensor, "*m N 1"],
         dt: float,
         values: Values,
     ) -> Float[Tensor, "*b N 3"]:

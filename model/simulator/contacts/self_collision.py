@@ -59,7 +59,7 @@ class SelfCollision(ContactTerm):
         self,
         positions: Float[Tensor, "*b N 3"],
         velocities: Float[Tensor, "*b N 3"],
-        mass: Float[Tensor, "*b N 1"],
+        mass: Float[Tensor, "*m N 1"],
         dt: float,
         values: Values,
     ) -> Float[Tensor, "*b N 3"]:

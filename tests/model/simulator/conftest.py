@@ -59,6 +59,15 @@ def free(system):
 
 
 @pytest.fixture
+def far_apart():
+    """Twelve points that nothing joins, at rest out of each other's reach."""
+    line = torch.arange(12, dtype=torch.float64)[:, None] * torch.ones(3, dtype=torch.float64)
+    return System(
+        points=line, mass=1.0, springs=torch.zeros((0, 2), dtype=torch.long), rest_length=torch.zeros(0)
+    )
+
+
+@pytest.fixture
 def make(rng):
     """Make a term of a class for a system, each constant drawn from the range it declares."""
 

@@ -134,9 +134,9 @@ def test_a_law_may_remember(free):
     simulator = Simulator(free, [Maxwell(stiffness=1e-6, relaxation_rate=2.0)])
     stretched = State(1.5 * free.points, torch.zeros_like(free.points))
     stretch = Dynamics(free, [], []).motion(stretched, None).length - free.value("rest_length")
-    for substeps, error in ((500, 2e-3), (1000, 1e-3)):
+    for substeps, error in ((50, 2e-2), (100, 1e-2)):
         end = simulator.rollout(stretched, frames=2, fps=2.0, substeps=substeps).end
         elastic = stretch - end.memory["maxwell.viscous"]
         decay = torch.exp(torch.tensor(-2.0 * 0.5, dtype=torch.float64))
         assert ((elastic / stretch - decay).abs() < error * decay).all()
-        assert ((elastic / stretch - decay).abs() > 1e-2 * error * decay).all()
+        assert ((elastic / stretch - decay).abs() > 0.1 * error * decay).all()

@@ -1,0 +1,331 @@
+// One frame of semi-implicit Euler over a spring graph, and its adjoint.
+//
+// Eight points make a slice: the lanes of a vector. A point's row is [x y z vx vy vz approach kept]; the rows
+// of a slot's eight neighbours are loaded whole and transposed in registers. Every point gathers from its own
+// springs (each spring has a slot at both of its ends), so nothing is scattered, nothing is atomic, and sums
+// do not depend on the number of threads. Vector extensions only: any CPU that GCC or clang compiles for.
+//
+// Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size,
+// and the macros GROUND, SPRINGS and CONTROLLERS. The traced laws take the place of the line that says so.
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <omp.h>
+
+#define INLINE static inline __attribute__((always_inline))
+
+enum { W = 8, ROW = 8, SHORT = 4 };
+typedef R V __attribute__((vector_size(W * sizeof(R))));
+typedef N M __attribute__((vector_size(W * sizeof(N))));
+typedef R H __attribute__((vector_size(SHORT * sizeof(R))));
+
+// Square of the length below which an edge has no direction, and slip below which there is nothing to rub away.
+static const R SHORTEST_SQUARED = R(1e-24), SLOWEST = R(1e-12);
+
+// Mirrored by `Frame` in call.py. Pointers to a value per slot hold W values per slot row.
+struct Frame {
+  int64_t slices, controllers, count, first, steps, ring;
+  double dt, interval;
+  const int64_t *partition;                                  // [threads + 1] slices
+  const int64_t *spring_start, *controller_start;            // [slices + 1] slot rows
+  const int32_t *spring_offset, *controller_offset;          // per slot: where the other end's row begins
+  int64_t spring_rows, controller_rows;                      // slot rows in all
+  R *rows;                                                   // [ring][row][8]
+  const R *before, *after;                                   // controllers at the ends of the frame [.][3]
+  const R *inverse_mass, *factor, *restitution, *friction, *height;  // per point
+  const R *gravity;                                          // [3]
+  const R *const *edge;                                      // constants of the laws, per slot
+  const R *scene;                                            // constants of the laws, one value each
+  R *const *memory;                                          // per slot: [ring or 1][slot rows][W]
+  // the adjoint
+  R *adjoint;                                                // [slice][6][W]: of the state, in and out
+  R *pulls[2];                                               // [row][4]: of the net force
+  R *const *memory_adjoint;                                  // per slot, in and out
+  R *const *edge_gradient;                                   // per slot; null where not wanted
+  R *const *scene_gradient;                                  // per point; null where not wanted
+  R *inverse_mass_gradient, *factor_gradient, *restitution_gradient, *friction_gradient;  // per point or null
+  R *gravity_gradient;                                       // [slice][3][W] or null
+  R *held_gradient;                                          // [6][controller slots] or null
+};
+
+INLINE V splat(R a) { return V{a, a, a, a, a, a, a, a}; }
+INLINE V load(const R *p) { V v; memcpy(&v, p, sizeof v); return v; }
+INLINE void store(R *p, V v) { memcpy(p, &v, sizeof v); }
+INLINE H load_short(const R *p) { H v; memcpy(&v, p, sizeof v); return v; }
+INLINE void accumulate(R *p, V v) { store(p, load(p) + v); }
+INLINE V root(V a) { V r; for (int i = 0; i < W; ++i) r[i] = std::sqrt(a[i]); return r; }
+INLINE V larger(V a, V b) { return a > b ? a : b; }
+INLINE V smaller(V a, V b) { return a < b ? a : b; }
+INLINE V magnitude(V a) { return a < 0 ? -a : a; }
+#define LANES(name, call) \
+  static __attribute__((noinline)) V name(V a) { V r; for (int i = 0; i < W; ++i) r[i] = call(a[i]); return r; }
+LANES(exponential, std::exp)
+LANES(logarithm, std::log)
+LANES(sine, std::sin)
+LANES(cosine, std::cos)
+LANES(tangent, std::tanh)
+static __attribute__((noinline)) V power(V a, V b) {
+  V r; for (int i = 0; i < W; ++i) r[i] = std::pow(a[i], b[i]); return r;
+}
+
+#define PICK(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#define LOW(a, b) PICK(a, b, 0, 8, 1, 9, 4, 12, 5, 13)
+#define HIGH(a, b) PICK(a, b, 2, 10, 3, 11, 6, 14, 7, 15)
+#define EVEN(a, b) PICK(a, b, 0, 1, 8, 9, 4, 5, 12, 13)
+#define ODD(a, b) PICK(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
+INLINE V join(H a, H b) { return PICK(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
+
+// The first four entries of eight rows, by lane.
+INLINE void quad(const R *rows, const int32_t *at, int shift, V &a, V &b, V &c, V &d) {
+  V q0 = join(load_short(rows + (at[0] >> shift)), load_short(rows + (at[4] >> shift)));
+  V q1 = join(load_short(rows + (at[1] >> shift)), load_short(rows + (at[5] >> shift)));
+  V q2 = join(load_short(rows + (at[2] >> shift)), load_short(rows + (at[6] >> shift)));
+  V q3 = join(load_short(rows + (at[3] >> shift)), load_short(rows + (at[7] >> shift)));
+  V l0 = LOW(q0, q1), l1 = LOW(q2, q3), h0 = HIGH(q0, q1), h1 = HIGH(q2, q3);
+  a = EVEN(l0, l1); b = ODD(l0, l1); c = EVEN(h0, h1); d = ODD(h0, h1);
+}
+
+// Positions and velocities of eight rows, by lane.
+INLINE void gather(const R *rows, const int32_t *at, V out[6]) {
+  V unused0, unused1;
+  quad(rows, at, 0, out[0], out[1], out[2], out[3]);
+  quad(rows + SHORT, at, 0, out[4], out[5], unused0, unused1);
+}
+
+static const int32_t NEXT[W] = {0, ROW, 2 * ROW, 3 * ROW, 4 * ROW, 5 * ROW, 6 * ROW, 7 * ROW};
+
+// Eight vectors as eight rows.
+INLINE void scatter(R *rows, const V in[8]) {
+  V t[8], u[8];
+  for (int i = 0; i < 8; i += 2) { t[i] = LOW(in[i], in[i + 1]); t[i + 1] = HIGH(in[i], in[i + 1]); }
+  for (int i = 0; i < 8; i += 4) {
+    u[i] = EVEN(t[i], t[i + 2]); u[i + 1] = ODD(t[i], t[i + 2]);
+    u[i + 2] = EVEN(t[i + 1], t[i + 3]); u[i + 3] = ODD(t[i + 1], t[i + 3]);
+  }
+  for (int i = 0; i < 4; ++i) {
+    store(rows + ROW * i, PICK(u[i], u[i + 4], 0, 1, 2, 3, 8, 9, 10, 11));
+    store(rows + ROW * (i + 4), PICK(u[i], u[i + 4], 4, 5, 6, 7, 12, 13, 14, 15));
+  }
+}
+
+struct Edge { V d[3], n[3], length, inverse, rate, w[3]; };
+
+// An edge without a direction pulls nowhere; a slot that only fills its slice up is one, from a point to itself.
+INLINE Edge edge(const V me[6], const V other[6]) {
+  Edge e;
+  V square = splat(0);
+  for (int k = 0; k < 3; ++k) { e.d[k] = other[k] - me[k]; square += e.d[k] * e.d[k]; }
+  M directed = square > SHORTEST_SQUARED;
+  e.length = root(directed ? square : splat(1));
+  e.inverse = directed ? 1 / e.length : splat(0);
+  e.rate = splat(0);
+  for (int k = 0; k < 3; ++k) {
+    e.n[k] = e.d[k] * e.inverse;
+    e.w[k] = other[3 + k] - me[3 + k];
+    e.rate += e.w[k] * e.n[k];
+  }
+  return e;
+}
+
+// THE LAWS
+
+template <class Law>
+INLINE void pull(const Law &law, const int32_t *offset, int64_t begin, int64_t end, const R *rows, const V me[6],
+                 V force[3]) {
+  for (int64_t slot = begin; slot < end; ++slot) {
+    V other[6];
+    gather(rows, offset + W * slot, other);
+    Edge e = edge(me, other);
+    V tension = law.tension(slot, e.length, e.rate);
+    for (int k = 0; k < 3; ++k) force[k] += tension * e.n[k];
+  }
+}
+
+INLINE void place(const Frame &f, int64_t substep, R *rows) {
+  const R share = R(double(substep + 1) / double(f.count));
+  for (int64_t c = 0; c < f.controllers; ++c) {
+    R *row = rows + ROW * (W * f.slices + c);
+    for (int k = 0; k < 3; ++k) {
+      const R way = f.after[3 * c + k] - f.before[3 * c + k];
+      row[k] = f.before[3 * c + k] + way * share;
+      row[3 + k] = way / R(f.interval);
+    }
+    row[6] = row[7] = 0;
+  }
+}
+
+static void advance(const Frame &f, int thread, int threads) {
+  const int64_t stride = ROW * (W * f.slices + f.controllers);
+  const V dt = splat(R(f.dt));
+  if (thread == 0) place(f, f.first, f.rows);
+  if (threads > 1) {
+#pragma omp barrier
+  }
+  for (int64_t step = 0; step < f.steps; ++step) {
+    const R *from = f.rows + stride * (step % f.ring);
+    R *to = f.rows + stride * ((step + 1) % f.ring);
+    const Springs springs(f, step);
+    const Controllers controllers(f, step);
+    for (int64_t slice = f.partition[thread]; slice < f.partition[thread + 1]; ++slice) {
+      V me[6], force[3] = {splat(0), splat(0), splat(0)};
+      gather(from + ROW * W * slice, NEXT, me);
+      if (SPRINGS)
+        pull(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], from, me, force);
+      if (CONTROLLERS)
+        pull(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1], from, me,
+             force);
+      const V mobility = load(f.inverse_mass + W * slice), factor = load(f.factor + W * slice);
+      V out[8];
+      for (int k = 0; k < 3; ++k) out[3 + k] = (me[3 + k] + dt * (force[k] * mobility + f.gravity[k])) * factor;
+      out[6] = out[7] = splat(0);
+      if (GROUND) {
+        const V mu = load(f.friction + W * slice), e = load(f.restitution + W * slice);
+        M meets = (me[2] + dt * out[5] < load(f.height + W * slice)) & (out[5] < 0);
+        V approach = meets ? -out[5] : splat(0);
+        V slip = larger(root(out[3] * out[3] + out[4] * out[4]), splat(SLOWEST));
+        V kept = larger(1 - mu * (1 + e) * approach / slip, splat(0));
+        kept = meets ? kept : splat(1);
+        out[3] *= kept;
+        out[4] *= kept;
+        out[5] = meets ? e * approach : out[5];
+        out[6] = approach;
+        out[7] = kept;
+      }
+      for (int k = 0; k < 3; ++k) out[k] = me[k] + dt * out[3 + k];
+      scatter(to + ROW * W * slice, out);
+    }
+    if (thread == 0) place(f, f.first + step + 1, to);
+    if (threads > 1) {
+#pragma omp barrier
+    }
+  }
+}
+
+// From the adjoint of the state after a substep: that of the net force, for the neighbours to see, and the part
+// of that of the state before it which needs no neighbour.
+INLINE void local(const Frame &f, int64_t slice, const R *after, V xbar[3], V vbar[3], R *pulls) {
+  const V dt = splat(R(f.dt)), mobility = load(f.inverse_mass + W * slice), factor = load(f.factor + W * slice);
+  V now[6], approach, kept, unused0, unused1, ubar[3], u[3];
+  quad(after + ROW * W * slice, NEXT, 0, unused0, unused1, now[2], now[3]);
+  quad(after + ROW * W * slice + SHORT, NEXT, 0, now[4], now[5], approach, kept);
+  for (int k = 0; k < 3; ++k) { ubar[k] = vbar[k] + dt * xbar[k]; u[k] = now[3 + k]; }
+  if (GROUND) {
+    const V mu = load(f.friction + W * slice), e = load(f.restitution + W * slice), zero = splat(0);
+    M meets = approach > 0, slides = meets & (kept > 0);
+    u[0] = slides ? u[0] / kept : u[0];
+    u[1] = slides ? u[1] / kept : u[1];
+    u[2] = meets ? -approach : u[2];
+    V slip = larger(root(u[0] * u[0] + u[1] * u[1]), splat(SLOWEST));
+    V keptbar = slides ? ubar[0] * u[0] + ubar[1] * u[1] : zero;
+    V ratio = slides ? approach / slip : zero;
+    V slipbar = slides ? keptbar * mu * (1 + e) * ratio / slip : zero;
+    if (f.restitution_gradient)
+      accumulate(f.restitution_gradient + W * slice, (meets ? ubar[2] * approach : zero) - keptbar * mu * ratio);
+    if (f.friction_gradient) accumulate(f.friction_gradient + W * slice, -keptbar * (1 + e) * ratio);
+    V approachbar = e * ubar[2] - (slides ? keptbar * mu * (1 + e) / slip : zero);
+    V along = slides ? slipbar / slip : zero;
+    V keeps = meets ? kept : splat(1);
+    ubar[0] = keeps * ubar[0] + along * u[0];
+    ubar[1] = keeps * ubar[1] + along * u[1];
+    ubar[2] = meets ? -approachbar : ubar[2];
+  }
+  if (f.factor_gradient)
+    accumulate(f.factor_gradient + W * slice, (ubar[0] * u[0] + ubar[1] * u[1] + ubar[2] * u[2]) / factor);
+  V out[4];
+  for (int k = 0; k < 3; ++k) {
+    vbar[k] = ubar[k] * factor;
+    if (f.gravity_gradient) accumulate(f.gravity_gradient + W * (3 * slice + k), dt * vbar[k]);
+    out[k] = vbar[k] * dt * mobility;
+  }
+  for (int i = 0; i < W; ++i)
+    for (int k = 0; k < 3; ++k) pulls[SHORT * (W * slice + i) + k] = out[k][i];
+}
+
+// `other` may be a controller, on which nothing acts: `free` says whether the pull is on both ends.
+template <bool free, class Law>
+INLINE void pull_back(Law &law, const int32_t *offset, int64_t begin, int64_t end, const R *rows, const R *pulls,
+                      const V me[6], const V mine[3], V force[3], V xbar[3], V vbar[3], R *held, int64_t held_stride,
+                      V share, V pace) {
+  for (int64_t slot = begin; slot < end; ++slot) {
+    V other[6], pulled[3], lengthbar, ratebar, tensionbar = splat(0), unused;
+    gather(rows, offset + W * slot, other);
+    if (free) quad(pulls, offset + W * slot, 1, pulled[0], pulled[1], pulled[2], unused);
+    Edge e = edge(me, other);
+    for (int k = 0; k < 3; ++k) {
+      pulled[k] = free ? mine[k] - pulled[k] : mine[k];
+      tensionbar += pulled[k] * e.n[k];
+    }
+    V tension = law.pull_back(slot, e.length, e.rate, tensionbar, lengthbar, ratebar);
+    V along = lengthbar - e.inverse * (tension * tensionbar + ratebar * e.rate);
+    for (int k = 0; k < 3; ++k) {
+      V dbar = e.inverse * (tension * pulled[k] + ratebar * e.w[k]) + e.n[k] * along;
+      V wbar = ratebar * e.n[k];
+      force[k] += tension * e.n[k];
+      xbar[k] -= dbar;
+      vbar[k] -= wbar;
+      if (!free && held) {
+        accumulate(held + held_stride * k + W * slot, (1 - share) * dbar - pace * wbar);
+        accumulate(held + held_stride * (3 + k) + W * slot, share * dbar + pace * wbar);
+      }
+    }
+  }
+}
+
+static void retreat(const Frame &f, int thread, int threads) {
+  const int64_t stride = ROW * (W * f.slices + f.controllers), held_stride = W * f.controller_rows;
+  const int64_t begin = f.partition[thread], end = f.partition[thread + 1];
+  for (int64_t slice = begin; slice < end; ++slice) {
+    V bar[6];
+    for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
+    local(f, slice, f.rows + stride * f.steps, bar, bar + 3, f.pulls[f.steps & 1]);
+    for (int k = 0; k < 6; ++k) store(f.adjoint + W * (6 * slice + k), bar[k]);
+  }
+  if (threads > 1) {
+#pragma omp barrier
+  }
+  for (int64_t step = f.steps - 1; step >= 0; --step) {
+    const R *rows = f.rows + stride * step, *pulls = f.pulls[(step + 1) & 1];
+    const V share = splat(R(double(f.first + step + 1) / double(f.count))), pace = splat(R(1 / f.interval));
+    for (int64_t slice = begin; slice < end; ++slice) {
+      Springs springs(f, step);
+      Controllers controllers(f, step);
+      V me[6], mine[3], bar[6], force[3] = {splat(0), splat(0), splat(0)};
+      gather(rows + ROW * W * slice, NEXT, me);
+      for (int i = 0; i < W; ++i)
+        for (int k = 0; k < 3; ++k) mine[k][i] = pulls[SHORT * (W * slice + i) + k];
+      for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
+      if (SPRINGS)
+        pull_back<true>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,
+                        mine, force, bar, bar + 3, nullptr, 0, share, pace);
+      if (CONTROLLERS)
+        pull_back<false>(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1],
+                         rows, pulls, me, mine, force, bar, bar + 3, f.held_gradient, held_stride, share, pace);
+      if (SPRINGS) springs.finish(f, slice);
+      if (CONTROLLERS) controllers.finish(f, slice);
+      if (f.inverse_mass_gradient) {
+        V sum = mine[0] * force[0] + mine[1] * force[1] + mine[2] * force[2];
+        accumulate(f.inverse_mass_gradient + W * slice, sum / load(f.inverse_mass + W * slice));
+      }
+      if (step) local(f, slice, rows, bar, bar + 3, f.pulls[step & 1]);
+      for (int k = 0; k < 6; ++k) store(f.adjoint + W * (6 * slice + k), bar[k]);
+    }
+    if (threads > 1) {
+#pragma omp barrier
+    }
+  }
+}
+
+template <class Work>
+static void share_out(const Frame *frames, int batch, int threads, Work work) {
+#pragma omp parallel num_threads(threads)
+  {
+    const int thread = omp_get_thread_num(), team = omp_get_num_threads();
+    if (batch > 1 || team != threads)
+      for (int b = thread; b < batch; b += team) work(frames[b], 0, 1);
+    else
+      work(frames[0], thread, threads);
+  }
+}
+
+extern "C" void forward(const Frame *frames, int batch, int threads) { share_out(frames, batch, threads, advance); }
+extern "C" void backward(const Frame *frames, int batch, int threads) { share_out(frames, batch, threads, retreat); }

@@ -1,0 +1,426 @@
+"""A scalar law, run once on symbols: what is left is the graph of its operations.
+
+A law is ordinary Python over numbers or tensors (`stiffness * (length - rest_length)`, `torch.exp(x)`).
+Given symbols instead, it leaves behind a graph in which equal subexpressions are one node.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias, Union
+
+Scalar: TypeAlias = Union["Expression", float, int, bool]
+
+
+class Untraceable(Exception):
+    """A law does something that has no symbol; says what."""
+
+
+class Expression:
+    """One operation on expressions: a node of a `Graph`, in which equal nodes are the same object."""
+
+    __slots__ = ("arguments", "graph", "number", "operation", "value")
+
+    def __init__(
+        self,
+        graph: "Graph",
+        operation: str,
+        arguments: tuple["Expression", ...],
+        value: float | str | None,
+        number: int,
+    ) -> None:
+        """Made by a `Graph` alone; `number` grows along every path from the symbols upwards."""
+        self.graph, self.operation, self.arguments = graph, operation, arguments
+        self.value, self.number = value, number
+
+    def __add__(self, other: Scalar) -> "Expression":
+        return self.graph.add(self, other)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "Expression":
+        return self.graph.neg(self)
+
+    def __sub__(self, other: Scalar) -> "Expression":
+        return self.graph.sub(self, other)
+
+    def __rsub__(self, other: Scalar) -> "Expression":
+        return self.graph.sub(other, self)
+
+    def __mul__(self, other: Scalar) -> "Expression":
+        return self.graph.mul(self, other)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Scalar) -> "Expression":
+        return self.graph.div(self, other)
+
+    def __rtruediv__(self, other: Scalar) -> "Expression":
+        return self.graph.div(other, self)
+
+    def __pow__(self, power: Scalar) -> "Expression":
+        return self.graph.pow(self, power)
+
+    def __rpow__(self, base: Scalar) -> "Expression":
+        return self.graph.pow(base, self)
+
+    def __abs__(self) -> "Expression":
+        return self.graph.abs(self)
+
+    def __lt__(self, other: Scalar) -> "Expression":
+        return self.graph.lt(self, other)
+
+    def __gt__(self, other: Scalar) -> "Expression":
+        return self.graph.gt(self, other)
+
+    def __le__(self, other: Scalar) -> "Expression":
+        return self.graph.le(self, other)
+
+    def __ge__(self, other: Scalar) -> "Expression":
+        return self.graph.ge(self, other)
+
+    def __and__(self, other: "Expression") -> "Expression":
+        return self.graph.logical_and(self, other)
+
+    def __or__(self, other: "Expression") -> "Expression":
+        return self.graph.logical_or(self, other)
+
+    def __invert__(self) -> "Expression":
+        return self.graph.logical_not(self)
+
+    def __bool__(self) -> bool:
+        raise Untraceable("it branches on a value: use torch.where")
+
+    def __getattr__(self, name: str) -> Callable[..., "Expression"]:
+        """Methods that tensors have, `x.exp()`."""
+        if name not in FUNCTIONS:
+            raise Untraceable(f"a symbol has no {name!r}")
+        return lambda *args, **kwargs: _called(name, (self, *args), kwargs)
+
+    @classmethod
+    def __torch_function__(
+        cls,
+        function: Callable[..., Any],
+        types: Sequence[type],
+        args: Sequence[Any] = (),
+        kwargs: Mapping[str, Any] | None = None,
+    ) -> "Expression":
+        """Record `torch.exp(x)` and its like."""
+        return _called(getattr(function, "__name__", str(function)), args, kwargs or {})
+
+
+FUNCTIONS = {
+    "abs": "abs",
+    "add": "add",
+    "clamp": "clamp",
+    "clamp_max": "minimum",
+    "clamp_min": "maximum",
+    "cos": "cos",
+    "detach": "detach",
+    "div": "div",
+    "exp": "exp",
+    "ge": "ge",
+    "gt": "gt",
+    "le": "le",
+    "log": "log",
+    "logical_and": "logical_and",
+    "logical_not": "logical_not",
+    "logical_or": "logical_or",
+    "lt": "lt",
+    "maximum": "maximum",
+    "minimum": "minimum",
+    "mul": "mul",
+    "multiply": "mul",
+    "neg": "neg",
+    "ones_like": "ones_like",
+    "pow": "pow",
+    "reciprocal": "reciprocal",
+    "relu": "relu",
+    "sin": "sin",
+    "sqrt": "sqrt",
+    "square": "square",
+    "sub": "sub",
+    "subtract": "sub",
+    "tanh": "tanh",
+    "true_divide": "div",
+    "where": "where",
+    "zeros_like": "zeros_like",
+}
+"""Torch functions a law may use, and the method of `Graph` that each is."""
+
+
+def _called(name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Expression:
+    if name not in FUNCTIONS:
+        raise Untraceable(f"torch.{name} has no symbol")
+    graph = next(a.graph for a in [*args, *kwargs.values()] if isinstance(a, Expression))
+    try:
+        made: Expression = getattr(graph, FUNCTIONS[name])(*args, **kwargs)
+    except TypeError as error:
+        raise Untraceable(f"torch.{name} is called with arguments that have no symbol ({error})") from error
+    return made
+
+
+class Graph:
+    """Where expressions live; simplifies as it builds."""
+
+    def __init__(self) -> None:
+        """An empty graph."""
+        self._nodes: dict[tuple[Any, ...], Expression] = {}
+
+    def symbol(self, name: str) -> Expression:
+        """What is not known until the law runs."""
+        return self._node("symbol", (), name)
+
+    def constant(self, value: Scalar) -> Expression:
+        """A number; expressions pass."""
+        if isinstance(value, Expression):
+            return value
+        if not isinstance(value, int | float):
+            raise Untraceable(f"it computes with a {type(value).__name__}: use numbers")
+        return self._node("constant", (), float(value))
+
+    def add(self, a: Scalar, b: Scalar) -> Expression:
+        """Sum."""
+        a, b = self.constant(a), self.constant(b)
+        if _is(a, 0.0):
+            return b
+        if _is(b, 0.0):
+            return a
+        if b.operation == "neg":
+            return self.sub(a, b.arguments[0])
+        if a.operation == "neg":
+            return self.sub(b, a.arguments[0])
+        return self._made("add", *sorted((a, b), key=lambda e: e.number))
+
+    def sub(self, a: Scalar, b: Scalar) -> Expression:
+        """Difference."""
+        a, b = self.constant(a), self.constant(b)
+        if _is(b, 0.0):
+            return a
+        if _is(a, 0.0):
+            return self.neg(b)
+        if a is b:
+            return self.constant(0.0)
+        return self.add(a, b.arguments[0]) if b.operation == "neg" else self._made("sub", a, b)
+
+    def neg(self, a: Scalar) -> Expression:
+        """Negative."""
+        a = self.constant(a)
+        return a.arguments[0] if a.operation == "neg" else self._made("neg", a)
+
+    def mul(self, a: Scalar, b: Scalar) -> Expression:
+        """Product."""
+        a, b = self.constant(a), self.constant(b)
+        if _is(a, 0.0) or _is(b, 0.0):
+            return self.constant(0.0)
+        for x, y in ((a, b), (b, a)):
+            if _is(x, 1.0):
+                return y
+            if _is(x, -1.0):
+                return self.neg(y)
+            if x.operation == "neg":
+                return self.neg(self.mul(x.arguments[0], y))
+        return self._made("mul", *sorted((a, b), key=lambda e: e.number))
+
+    def div(self, a: Scalar, b: Scalar) -> Expression:
+        """Quotient."""
+        a, b = self.constant(a), self.constant(b)
+        if _is(a, 0.0) or _is(b, 1.0):
+            return a
+        if b.operation == "constant" and b.value:
+            return self.mul(a, 1.0 / _number(b))
+        return self._made("div", a, b)
+
+    def reciprocal(self, a: Scalar) -> Expression:
+        """1/a."""
+        return self.div(1.0, a)
+
+    def square(self, a: Scalar) -> Expression:
+        """a²."""
+        return self.mul(a, a)
+
+    def pow(self, base: Scalar, power: Scalar) -> Expression:
+        """Products where the power is a small whole number."""
+        base, power = self.constant(base), self.constant(power)
+        known = _number(power) if power.operation == "constant" else math.nan
+        if known == 0.5:
+            return self.sqrt(base)
+        if not known.is_integer() or abs(known) > 64:
+            return self._made("pow", base, power)
+        if known < 0:
+            return self.div(1.0, self.pow(base, -known))
+        result, square, left = self.constant(1.0), base, int(known)
+        while left:
+            if left % 2:
+                result = self.mul(result, square)
+            square, left = self.mul(square, square), left // 2
+        return result
+
+    def minimum(self, a: Scalar, b: Scalar) -> Expression:
+        """The smaller."""
+        return self._made("minimum", self.constant(a), self.constant(b))
+
+    def maximum(self, a: Scalar, b: Scalar) -> Expression:
+        """The larger."""
+        return self._made("maximum", self.constant(a), self.constant(b))
+
+    def clamp(self, a: Scalar, min: Scalar | None = None, max: Scalar | None = None) -> Expression:
+        """Within bounds."""
+        a = self.constant(a)
+        a = a if min is None else self.maximum(a, min)
+        return a if max is None else self.minimum(a, max)
+
+    def relu(self, a: Scalar) -> Expression:
+        """The positive part."""
+        return self.maximum(a, 0.0)
+
+    def zeros_like(self, a: Scalar) -> Expression:
+        """0."""
+        return self.constant(0.0)
+
+    def ones_like(self, a: Scalar) -> Expression:
+        """1."""
+        return self.constant(1.0)
+
+    def where(self, condition: Scalar, a: Scalar, b: Scalar) -> Expression:
+        """`a` where the condition holds, else `b`."""
+        condition, a, b = self.constant(condition), self.constant(a), self.constant(b)
+        if a is b:
+            return a
+        if condition.operation == "constant":
+            return a if condition.value else b
+        return self._made("where", condition, a, b)
+
+    def sqrt(self, a: Scalar) -> Expression:
+        """Square root."""
+        return self._made("sqrt", self.constant(a))
+
+    def exp(self, a: Scalar) -> Expression:
+        """Exponential."""
+        return self._made("exp", self.constant(a))
+
+    def log(self, a: Scalar) -> Expression:
+        """Natural logarithm."""
+        return self._made("log", self.constant(a))
+
+    def sin(self, a: Scalar) -> Expression:
+        """Sine."""
+        return self._made("sin", self.constant(a))
+
+    def cos(self, a: Scalar) -> Expression:
+        """Cosine."""
+        return self._made("cos", self.constant(a))
+
+    def tanh(self, a: Scalar) -> Expression:
+        """Hyperbolic tangent."""
+        return self._made("tanh", self.constant(a))
+
+    def abs(self, a: Scalar) -> Expression:
+        """Magnitude."""
+        return self._made("abs", self.constant(a))
+
+    def detach(self, a: Scalar) -> Expression:
+        """The same value, whose derivative is not wanted."""
+        return self._made("detach", self.constant(a))
+
+    def lt(self, a: Scalar, b: Scalar) -> Expression:
+        """Less."""
+        return self._made("lt", self.constant(a), self.constant(b))
+
+    def gt(self, a: Scalar, b: Scalar) -> Expression:
+        """Greater."""
+        return self.lt(b, a)
+
+    def le(self, a: Scalar, b: Scalar) -> Expression:
+        """Less or equal."""
+        return self._made("le", self.constant(a), self.constant(b))
+
+    def ge(self, a: Scalar, b: Scalar) -> Expression:
+        """Greater or equal."""
+        return self.le(b, a)
+
+    def logical_and(self, a: Scalar, b: Scalar) -> Expression:
+        """Both."""
+        return self._made("and", self.constant(a), self.constant(b))
+
+    def logical_or(self, a: Scalar, b: Scalar) -> Expression:
+        """Either."""
+        return self._made("or", self.constant(a), self.constant(b))
+
+    def logical_not(self, a: Scalar) -> Expression:
+        """The opposite."""
+        return self._made("not", self.constant(a))
+
+    def _made(self, operation: str, *arguments: Expression) -> Expression:
+        """The node, or its value where all arguments are numbers."""
+        if all(a.operation == "constant" for a in arguments):
+            return self.constant(PYTHON[operation](*(_number(a) for a in arguments)))
+        return self._node(operation, arguments, None)
+
+    def _node(
+        self, operation: str, arguments: tuple[Expression, ...], value: float | str | None
+    ) -> Expression:
+        key = (operation, tuple(a.number for a in arguments), value)
+        if key not in self._nodes:
+            self._nodes[key] = Expression(self, operation, arguments, value, len(self._nodes))
+        return self._nodes[key]
+
+
+def ordered(outputs: Sequence[Expression]) -> list[Expression]:
+    """Everything the outputs are made of, arguments before what uses them."""
+    seen: dict[int, Expression] = {}
+    waiting = list(outputs)
+    while waiting:
+        node = waiting.pop()
+        if node.number not in seen:
+            seen[node.number] = node
+            waiting.extend(node.arguments)
+    return [seen[number] for number in sorted(seen)]
+
+
+def evaluate(outputs: Sequence[Expression], symbols: Mapping[str, float]) -> list[float]:
+    """Numbers for expressions, given numbers for their symbols."""
+    known: dict[int, float] = {}
+    for node in ordered(outputs):
+        if node.operation == "symbol":
+            known[node.number] = symbols[str(node.value)]
+        elif node.operation == "constant":
+            known[node.number] = _number(node)
+        else:
+            known[node.number] = PYTHON[node.operation](*(known[a.number] for a in node.arguments))
+    return [known[output.number] for output in outputs]
+
+
+PYTHON: Mapping[str, Callable[..., float]] = {
+    "abs": abs,
+    "add": lambda a, b: a + b,
+    "and": lambda a, b: float(bool(a) and bool(b)),
+    "cos": math.cos,
+    "detach": lambda a: a,
+    "div": lambda a, b: a / b,
+    "exp": math.exp,
+    "le": lambda a, b: float(a <= b),
+    "log": math.log,
+    "lt": lambda a, b: float(a < b),
+    "maximum": max,
+    "minimum": min,
+    "mul": lambda a, b: a * b,
+    "neg": lambda a: -a,
+    "not": lambda a: float(not a),
+    "or": lambda a, b: float(bool(a) or bool(b)),
+    "pow": lambda a, b: a**b,
+    "sin": math.sin,
+    "sqrt": math.sqrt,
+    "sub": lambda a, b: a - b,
+    "tanh": math.tanh,
+    "where": lambda c, a, b: a if c else b,
+}
+"""What each operation does with numbers."""
+
+
+def _is(node: Expression, value: float) -> bool:
+    return node.operation == "constant" and node.value == value
+
+
+def _number(node: Expression) -> float:
+    assert isinstance(node.value, float)
+    return node.value

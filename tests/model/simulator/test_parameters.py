@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+import torch
+
+from model.errors import InputError
+from model.simulator.forces.dashpot import Dashpot
+from model.simulator.forces.gravity import Gravity
+from model.simulator.forces.spring import Spring
+
+
+def test_positive_constants_are_optimised_by_their_logarithm():
+    spring = Spring(np.float32([2.0, 50.0]))
+    (parameter,) = spring.parameters()
+    assert parameter is spring.log_stiffness
+    assert not parameter.requires_grad
+    torch.testing.assert_close(spring.value("stiffness"), torch.tensor([2.0, 50.0]))
+    torch.testing.assert_close(parameter.detach(), torch.tensor([2.0, 50.0]).log())
+
+
+def test_a_constant_with_gradients_stays_the_callers():
+    leaf = torch.tensor([2.0, 3.0], requires_grad=True)
+    spring = Spring(leaf * 2)
+    assert list(spring.parameters()) == []
+    (spring.value("stiffness") ** 2).sum().backward()
+    assert leaf.grad.tolist() == [16.0, 24.0]
+    owned = torch.nn.Parameter(torch.tensor([5.0]))
+    assert Spring(owned).value("stiffness") is owned
+
+
+def test_zero_is_a_positive_constant_that_stays_off():
+    dashpot = Dashpot(0.0)
+    dashpot.log_dashpot_damping.requires_grad_(True)
+    value = dashpot.value("dashpot_damping")
+    assert float(value.detach()) == 0.0
+    value.backward()
+    assert float(dashpot.log_dashpot_damping.grad) == 0.0
+
+
+def test_numbers_keep_their_digits_in_float64_and_do_not_widen_float32():
+    assert float(
+        Dashpot(0.1).values(torch.zeros(1, dtype=torch.float64))["dashpot_damping"]
+    ) == pytest.approx(0.1, rel=1e-15)
+    assert Gravity().values(torch.zeros(1, dtype=torch.float32))["gravity"].dtype == torch.float32
+
+
+@pytest.mark.parametrize(
+    ("value", "what"), [(-1.0, "negative"), (float("nan"), "not finite"), (float("inf"), "not finite")]
+)
+def test_bad_values_are_refused(value, what):
+    with pytest.raises(InputError, match=f"stiffness of Spring is {what}"):
+        Spring(np.array([1.0, value]))
