@@ -4,7 +4,7 @@ import json
 import math
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, field_validator, model_validator
 
 from model.errors import InputError
 from model.priors.materials import MATERIALS, UNITS, normalised
@@ -89,12 +89,12 @@ class Answer(BaseModel):
     model_config = ConfigDict(extra="forbid")
     materials: Weights
     shape_class: Literal["sheet", "rope", "solid"]
-    stiffness: Range = Field(description="effective Young's modulus [Pa]")
-    damping: Range = Field(description="damping ratio [1]")
-    drag_rate: Range = Field(description="[1/s]")
-    friction: Range = Field(description="[1]")
-    restitution: Range = Field(description="[1]")
-    density: Range = Field(description="effective [kg/m^3]")
+    stiffness: Range
+    damping: Range
+    drag_rate: Range
+    friction: Range
+    restitution: Range
+    density: Range
 
 
 def question(part: PartView) -> str:

@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from model.errors import InputError
 from model.types import Array, PartView
 
 TINT = (255, 120, 0)
@@ -19,13 +18,7 @@ def overlay(part: PartView) -> UInt8[Array, "h w 3"]:
     """The surroundings of the object with the part outlined and tinted and the rest dimmed.
 
     A part of which no pixel is visible leaves nothing but the dimmed surroundings.
-
-    Raises:
-        InputError: the masks do not have the image's size.
     """
-    size = part.image.shape[:2]
-    if part.mask.shape != size or part.object_mask.shape != size:
-        raise InputError(f"{part.label}: image and masks differ in size; give masks of the image's size")
     image = part.image.astype(np.float32)
     shown = np.where(
         part.mask[..., None], (1 - TINT_SHARE) * image + TINT_SHARE * np.array(TINT), DIMMED * image

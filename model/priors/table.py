@@ -98,7 +98,7 @@ RESTITUTION = (
     Row("plastic", "restitution", 0.40, 0.20, 0.30, 0.4, "hollow toys 0.3-0.6"),
     Row("metal", "restitution", 0.40, 0.30, 0.20, 0.4, "on a wooden table 0.3-0.5; chains collapse"),
     Row("wood", "restitution", 0.40, 0.40, 0.40, 0.4, "wood on wood 0.4-0.6"),
-    Row("paper", "restitution", 0.15, 0.05, 0.10, 0.5, "crumples"),
+    Row("paper", "restitution", 0.15, 0.05, 0.10, 0.5, "crumples where it lands"),
     Row("silk", "restitution", 0.10, 0.05, 0.10, 0.5, "anchor: cloth 0.1"),
     Row("denim", "restitution", 0.10, 0.05, 0.10, 0.5, "anchor: cloth 0.1"),
     Row("fur", "restitution", 0.10, 0.05, 0.10, 0.5, "stuffing takes up the blow"),
