@@ -84,13 +84,14 @@ def _gaussians(rows: Float32[Array, "G P"], harmonics: int, where: str) -> Gauss
         raise InputError(
             f"{where}: property scale_0..2: expected logarithms of metres, found values out of range"
         )
-    norms = np.linalg.norm(rows[:, first + 4 :], axis=1, keepdims=True)
+    turns = rows[:, first + 4 :].astype(np.float64)
+    norms = np.linalg.norm(turns, axis=1, keepdims=True)
     if not (norms > 1e-12).all():
         raise InputError(f"{where}: property rot_0..3: expected quaternions, found one of length zero")
     return Gaussians(
         means=rows[:, :3].copy(),
         scales=scales,
-        quaternions=rows[:, first + 4 :] / norms,
+        quaternions=(turns / norms).astype(np.float32),
         opacities=np.clip(opacities, np.float32(OPACITY_MARGIN), np.float32(1 - OPACITY_MARGIN)),
         colors=np.clip(rows[:, 6:9] * np.float32(HARMONIC_0) + np.float32(0.5), 0, 1),
         volumes=np.float32(4 / 3 * np.pi) * scales.prod(axis=1),

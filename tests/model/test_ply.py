@@ -3,6 +3,8 @@ import struct
 import numpy as np
 import pytest
 
+from model.bundle import TwinBundle
+
 
 def with_ply(members: dict[str, bytes], old: bytes, new: bytes) -> dict[str, bytes]:
     assert old in members["gaussians.ply"]
@@ -53,3 +55,9 @@ BROKEN = {
 def test_broken_files_are_refused(name: str, write_twin, members: dict[str, bytes], refusal):
     change, expected = BROKEN[name]
     assert expected in refusal(write_twin(files=change(members)))
+
+
+def test_long_quaternions_become_unit(write_twin, members: dict[str, bytes]):
+    long = members["gaussians.ply"][:-16] + struct.pack("<4f", 0, 3e38, 0, 3e38)
+    turn = TwinBundle.load(write_twin(files={"gaussians.ply": long})).gaussians.quaternions[-1]
+    np.testing.assert_allclose(turn, [0, np.sqrt(0.5), 0, np.sqrt(0.5)], rtol=1e-6)
