@@ -59,7 +59,7 @@ class SilhouetteReconstructor(Reconstructor):
         filling = (
             _sheet(mask, calibration)
             if shape_class == "sheet"
-            else fill(body_of(mask, calibration, shape_class), _pixel_size(mask, calibration))
+            else fill(body_of(mask, calibration, shape_class), pixel_size(mask, calibration))
         )
         gaussians = filling.painted(
             colors_from_image(filling, calibration.camera, image, masks.object[masks.keyframe])
@@ -114,7 +114,7 @@ def body_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: Sha
     balls = balls_of(mask, calibration, shape_class)
     camera = calibration.camera
     axes = np.eye(3) if calibration.ground_height is not None else camera.world_from_camera[:3, :3].copy()
-    pixel = _pixel_size(mask, calibration)
+    pixel = pixel_size(mask, calibration)
     volume = inflate(balls, axes, 0.5 * pixel)
     for _ in range(2):
         volume = _grounded(carved(volume, mask, camera), calibration.ground_height)
@@ -125,7 +125,7 @@ def body_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: Sha
     return _grounded(carved(volume, mask, camera), calibration.ground_height)
 
 
-def _pixel_size(mask: Bool[Array, "H W"], calibration: Calibration) -> float:
+def pixel_size(mask: Bool[Array, "H W"], calibration: Calibration) -> float:
     """What a pixel of the object measures [m]."""
     camera, ground = calibration.camera, calibration.ground_height
     depth = resting_depth(camera)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from model.types import Array, Camera
 
@@ -98,6 +99,42 @@ def distance_from_occupancy(occupied: Bool[Array, "X Y Z"], spacing: float) -> F
     signed = np.where(occupied, inside - 0.5, 0.5 - outside) * spacing
     smooth: Float32[Array, "X Y Z"] = ndimage.gaussian_filter(signed, 0.8).astype(np.float32)
     return smooth
+
+
+def distance_to_samples(
+    points: Float64[Array, "N 3"],
+    normals: Float64[Array, "N 3"],
+    shape: tuple[int, int, int],
+    origin: Float64[Array, " 3"],
+    spacing: float,
+) -> tuple[Float64[Array, "X Y Z"], bool]:
+    """Signed distance [m] on a world-aligned grid to a densely sampled surface, and whether it is closed.
+
+    Far from the surface the sign says whether filling the shell of its voxels reaches there; near it the
+    side of the nearest sample's normal decides. Of an open surface everything is outside.
+    """
+    index = np.round((points - origin) / spacing).astype(int)
+    shell = np.zeros(shape, bool)
+    shell[tuple(np.clip(index, 0, np.array(shape) - 1).T)] = True
+    # Samples leave pinholes in the shell: filled while it is thicker, then made thin again.
+    cube = np.ones((3, 3, 3), bool)
+    thick = ndimage.binary_dilation(np.pad(shell, 3), cube)
+    solid = ndimage.binary_fill_holes(thick)
+    enclosed = int(np.count_nonzero(solid & ~thick)) > 0
+    filled = (ndimage.binary_erosion(solid, cube) | np.pad(shell, 3))[3:-3, 3:-3, 3:-3]
+    deep, far = ndimage.distance_transform_edt(filled), ndimage.distance_transform_edt(~filled)
+    signed = np.where(filled, deep, -far) * spacing
+    # Surfaces inside the body (of overlapping parts) bound nothing.
+    outer = deep[tuple(np.clip(index, 0, np.array(shape) - 1).T)] < 2.9
+    points, normals = points[outer], normals[outer]
+    near = (deep < 3.5) & (far < 3.5)
+    centers = grid_points(shape, origin, np.eye(3), spacing)[near]
+    gap, nearest = cKDTree(points).query(centers)
+    side = np.einsum("ni,ni->n", centers - points[nearest], normals[nearest])
+    decided = (deep[near] > 2.9) | (far[near] > 1.5)
+    inside = np.where(decided, filled[near], side < 0) & enclosed
+    signed[near] = np.where(inside, gap, -gap)
+    return signed, enclosed
 
 
 def mask_distance(mask: Bool[Array, "H W"]) -> Float32[Array, "H W"]:
