@@ -35,10 +35,11 @@ class ClassicalSegmenter(Segmenter):
         sample = np.linspace(0, len(small) - 1, 8).round().astype(int)
         skin = SkinModel(small[sample], np.ones(small.shape[1:3], bool))
         hands = np.stack([hand_regions(skin(image)) for image in small])
-        keyframe, seed = _seed(labs, hands, prompt)
+        resting = camera_rests(small)
+        keyframe, seed = _seed(labs, hands, prompt, resting)
         seed, hands[keyframe] = settle(seed, hands[keyframe])
         objects = propagate(small, hands, seed, keyframe)
-        if camera_rests(small):
+        if resting:
             rough = objects
             for again in (False, True, True):
                 contrast = Contrast.guess(small, objects | rough, hands)
@@ -88,7 +89,7 @@ def enlarge(masks: Bool[Array, "T h w"], height: int, width: int) -> Bool[Array,
 
 
 def _seed(
-    labs: Float32[Array, "T H W 3"], hands: Bool[Array, "T H W"], prompt: Prompt
+    labs: Float32[Array, "T H W 3"], hands: Bool[Array, "T H W"], prompt: Prompt, resting: bool
 ) -> tuple[int, Bool[Array, "H W"]]:
     """The keyframe and the object's mask on it."""
     height, width = hands.shape[1:]
@@ -100,7 +101,7 @@ def _seed(
         raise InputError("box")
     tried = [prompt.keyframe] if prompt.keyframe is not None else range(0, len(labs), max(1, len(labs) // 10))
     for keyframe in tried:
-        found = find_object(labs[keyframe], hands[keyframe])
+        found = find_object(labs[keyframe], hands[keyframe], not resting)
         if found.any():
             return keyframe, found
     raise InputError(

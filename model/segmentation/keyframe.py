@@ -30,24 +30,39 @@ def hand_regions(skin: Float32[Array, "H W"]) -> Bool[Array, "H W"]:
     return without_specks(smooth > 0.5, 0.001 * skin.size)
 
 
-def salience(lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"]) -> Float32[Array, "H W"]:
-    """How much each pixel looks like part of the handled object, in Lab units."""
+def salience(
+    lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"], cluttered: bool
+) -> Float32[Array, "H W"]:
+    """How much each pixel looks like part of the handled object, in Lab units.
+
+    Args:
+        lab: The picture.
+        hand: Where hands are.
+        cluttered: Whether the surroundings may be gaudy (a camera in motion); else they are taken as
+            plain, and thin objects are seen better.
+    """
     soft = cv2.GaussianBlur(lab, (0, 0), 1.0)
     height, width = hand.shape
     y, x = np.mgrid[:height, :width].astype(np.float32)
     center = np.exp(-0.5 * (np.square((x / width - 0.5) / 0.4) + np.square((y / height - 0.5) / 0.4)))
-    standing_out = np.minimum(border_distance(soft), 50) * (1 - 0.75 * border_colors(soft))
-    return cv2.GaussianBlur(standing_out * reach(hand, 0.25) * center * ~hand, (0, 0), 2.0).astype(np.float32)
+    out = np.minimum(border_distance(soft), 50) * (1 - 0.75 * border_colors(soft))
+    if cluttered:
+        # A gaudy shirt stands out from itself; seen from further away it is one colour, up to the border.
+        coarse, blurred = (cv2.GaussianBlur(lab, (0, 0), share * width) for share in (0.02, 0.05))
+        out = np.sqrt(out * np.minimum(border_distance(coarse), 50)) * (1 - border_colors(blurred, 6))
+    return cv2.GaussianBlur(out * reach(hand, 0.25) * center * ~hand, (0, 0), 2.0).astype(np.float32)
 
 
-def find_object(lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"]) -> Bool[Array, "H W"]:
+def find_object(
+    lab: Float32[Array, "H W 3"], hand: Bool[Array, "H W"], cluttered: bool
+) -> Bool[Array, "H W"]:
     """The object that stands out near the hands; empty where nothing does."""
-    salient = salience(lab, hand)
+    salient = salience(lab, hand, cluttered)
     peak = float(np.percentile(salient, 99))
     if peak < 3.0:
         return np.zeros_like(hand)
     trimap = np.full(hand.shape, cv2.GC_BGD, np.uint8)
-    trimap[salient > 0.08 * peak] = cv2.GC_PR_BGD
+    trimap[salient > (0.3 if cluttered else 0.08) * peak] = cv2.GC_PR_BGD
     trimap[salient > 0.45 * peak] = cv2.GC_PR_FGD
     trimap[hand] = cv2.GC_BGD
     found = grab_cut(lab, trimap)
