@@ -6,8 +6,20 @@ solid apart; a method of `ALL_RECONSTRUCTORS` then builds the body. They share o
 """
 
 from model.reconstruction.base import Reconstructor
+from model.reconstruction.depth import DepthReconstructor
+from model.reconstruction.mesh import MeshReconstructor
 from model.reconstruction.silhouette import SilhouetteReconstructor
 
-ALL_RECONSTRUCTORS: tuple[type[Reconstructor], ...] = (SilhouetteReconstructor,)
+ALL_RECONSTRUCTORS: tuple[type[Reconstructor], ...] = (
+    SilhouetteReconstructor,
+    MeshReconstructor,
+    DepthReconstructor,
+)
 
-__all__ = ["ALL_RECONSTRUCTORS", "Reconstructor", "SilhouetteReconstructor"]
+__all__ = [
+    "ALL_RECONSTRUCTORS",
+    "DepthReconstructor",
+    "MeshReconstructor",
+    "Reconstructor",
+    "SilhouetteReconstructor",
+]

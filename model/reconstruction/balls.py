@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float, Float32, Float64
 from scipy import ndimage
 
 from model.reconstruction.volume import Volume, grid_around
@@ -147,11 +147,20 @@ def _cover(
             window[disc] = 1
             kept.append((column, row, radius))
     discs = np.array(kept, np.float64)
-    return discs[:, :2], discs[:, 2], _local_thickness(mask, discs)
+    smooth = _thickness_map(mask, discs)
+    at_centres = smooth[discs[:, 1].astype(int), discs[:, 0].astype(int)].astype(np.float64)
+    return discs[:, :2], discs[:, 2], np.maximum(at_centres, discs[:, 2])
 
 
-def _local_thickness(mask: Bool[Array, "H W"], discs: Float64[Array, "K 3"]) -> Float64[Array, " K"]:
-    """Radius of the largest disc over each centre, made to change gradually along the body."""
+def local_thickness(mask: Bool[Array, "H W"]) -> Float64[Array, "H W"]:
+    """Radius [px] of the thickest body over each pixel of a mask, changing gradually along it."""
+    centers, radii, _ = _cover(mask)
+    discs = np.concatenate([centers, radii[:, None]], axis=-1)
+    return _thickness_map(mask, discs).astype(np.float64)
+
+
+def _thickness_map(mask: Bool[Array, "H W"], discs: Float64[Array, "K 3"]) -> Float32[Array, "H W"]:
+    """Radius of the largest disc over each pixel, smoothed inside the mask."""
     thickness = np.zeros(mask.shape, np.float32)
     for column, row, radius in discs[::-1]:  # ascending: larger ones overwrite
         cv2.circle(thickness, (int(column), int(row)), max(round(radius), 1), float(radius), -1)
@@ -160,9 +169,8 @@ def _local_thickness(mask: Bool[Array, "H W"], discs: Float64[Array, "K 3"]) -> 
     smooth = cv2.GaussianBlur(thickness * known, (0, 0), sigma) / np.maximum(
         cv2.GaussianBlur(known, (0, 0), sigma), 1e-6
     )
-    at_centres = smooth[discs[:, 1].astype(int), discs[:, 0].astype(int)].astype(np.float64)
-    thickest: Float64[Array, " K"] = np.maximum(at_centres, discs[:, 2])
-    return thickest
+    thickness_map: Float32[Array, "H W"] = smooth
+    return thickness_map
 
 
 def _disc(radius: float, reach: int) -> Bool[Array, "D D"]:

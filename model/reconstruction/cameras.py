@@ -9,11 +9,12 @@ intrinsics  camera file; lines of the scene, where they fix the focal length; 70
 gravity     pose in the camera file; plane fitted to depth; lines of the scene; a stated default
 ground      camera file; z = 0 of a file's pose that the object's rays meet; the surface the object is
             seen to rest on; none
-scale       ``size_m`` given by the user; pose and ground of the camera file; depth; 0.3 m assumed
+scale       depth; ``size_m`` given by the user; pose and ground of the camera file; 0.3 m assumed
 =========== =======================================================================================
 
-``size_m`` is the largest extent of the object on the keyframe. Given explicitly it wins over every other
-source: the camera then moves along its rays until the object has that size.
+``size_m`` is the largest extent of the object on the keyframe. Given explicitly it overrules a camera file's
+pose (the camera then moves along its ray to the object until the object has that size), but not depth,
+which measures lengths: there it is ignored with a warning.
 """
 
 from dataclasses import replace
@@ -32,12 +33,10 @@ from model.reconstruction.gravity import (
     tilt_from_lines,
 )
 from model.reconstruction.ground import ground_from_depth
-from model.reconstruction.silhouette import completed_mask, extent_of
+from model.reconstruction.scale import DEFAULT_SIZE, centred, floating, meets, sized
 from model.reconstruction.support import Support, background_of, find_support
 from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks, ShapeClass
 
-DEFAULT_SIZE = 0.3
-"""Largest extent of an object whose size nobody tells [m]."""
 DEFAULT_FIELD_OF_VIEW = np.deg2rad(70.0)
 """Of the longer side: between phones (65–70°) and depth cameras (70–90°)."""
 TABLE_PITCH = np.deg2rad(50.0)
@@ -58,7 +57,8 @@ def calibrate(
     """Fix camera, gravity, ground and scale for the keyframe.
 
     The world's origin lies on the ground below the object, x to the image's right and y into the depth,
-    unless a camera file brings its own world. Without a ground it lies in the object's middle.
+    unless a camera file brings its own world and a ground in it. Without a ground it lies in the object's
+    middle.
 
     Args:
         frames: The clip.
@@ -80,55 +80,64 @@ def calibrate(
     file = read_camera_file(camera_file, width, height) if camera_file else None
     if depth is not None and file is None:
         raise InputError("depth needs a camera file with the intrinsics it was taken with; give --camera")
+    doubts: tuple[str, ...] = ()
+    if depth is not None and size_m is not None:
+        size_m, doubts = None, (f"the stated size of {size_m:g} m is ignored: depth measures lengths",)
     if file is not None and file.world_from_camera is not None:
-        return _posed(frames, masks, file, size_m, shape_class)
-    if depth is not None and file is not None:
-        metric = _from_depth(frames, masks, file, size_m, shape_class, depth)
-        if metric is not None:
-            return metric
-    return _from_image(frames, masks, file, size_m, shape_class)
+        result = _posed(frames, masks, file, size_m, shape_class, depth)
+    elif file is not None and depth is not None:
+        result = _from_depth(frames, masks, file, shape_class, depth)
+    else:
+        result = _from_image(frames, masks, file, size_m, shape_class)
+    return replace(result, warnings=doubts + result.warnings)
 
 
 def _posed(
-    frames: Frames, masks: Masks, file: CameraFile, size_m: float | None, shape_class: ShapeClass
+    frames: Frames,
+    masks: Masks,
+    file: CameraFile,
+    size_m: float | None,
+    shape_class: ShapeClass,
+    depth: Float[Array, "H W"] | None,
 ) -> Calibration:
     """A pose is given: it fixes gravity, and with a ground also the scale."""
     assert file.world_from_camera is not None
     camera = _camera(file.intrinsics, file.world_from_camera, frames)
     ground, source = file.ground_height, "camera file"
-    if ground is None and _meets(camera, masks.object[masks.keyframe], 0.0):
+    if ground is None and meets(camera, masks.object[masks.keyframe], 0.0):
         ground, source = 0.0, "plane z = 0 of the camera file's world, which the object's rays meet"
     calibration = Calibration(
         camera, file.gravity, ground, "pose and ground of the camera file", "camera file (pose)", source
     )
     if ground is None:
         calibration = replace(calibration, ground_source="none: the camera file names no ground in view")
-        return _floating(frames, masks, calibration, size_m, shape_class)
-    if not _meets(camera, masks.object[masks.keyframe], ground):
+        return floating(masks, calibration, size_m, shape_class, _object_depth(depth, masks))
+    if not meets(camera, masks.object[masks.keyframe], ground):
         raise InputError(
             f"the camera file's ground_height {ground:g} is not where the camera looks at the object; check "
             "world_from_camera and the direction of gravity"
         )
-    return calibration if size_m is None else _sized(masks, calibration, size_m, "stated", shape_class)
+    return calibration if size_m is None else sized(masks, calibration, size_m, "stated", shape_class)
 
 
 def _from_depth(
     frames: Frames,
     masks: Masks,
     file: CameraFile,
-    size_m: float | None,
     shape_class: ShapeClass,
     depth: Float[Array, "H W"],
-) -> Calibration | None:
-    """Gravity, ground and scale from the plane around the object in depth; None if there is no plane."""
+) -> Calibration:
+    """Gravity, ground and scale from the plane around the object in depth; without one, as held in the air."""
     key = masks.keyframe
     plane = ground_from_depth(depth, file.intrinsics, masks.object[key], masks.hand[key])
     if plane is None:
-        return None
+        result = _from_image(frames, masks, file, None, shape_class, grounded=False)
+        result = replace(result, ground_source="none: no plane in the depth around the object")
+        return floating(masks, result, None, shape_class, _object_depth(depth, masks))
     pose = _pose_over_ground(plane.up, plane.camera_height)
-    camera = _centred(_camera(file.intrinsics, pose, frames), masks.object[key])
+    camera = centred(_camera(file.intrinsics, pose, frames), masks.object[key])
     near = f"{plane.inliers:.0%} within {plane.tolerance * 1e3:.0f} mm"
-    calibration = Calibration(
+    return Calibration(
         camera,
         file.gravity,
         0.0,
@@ -136,14 +145,20 @@ def _from_depth(
         "intrinsics from the camera file, gravity from the plane under the object in depth",
         f"plane fitted to depth around the object ({near})",
     )
-    return calibration if size_m is None else _sized(masks, calibration, size_m, "stated", shape_class)
 
 
 def _from_image(
-    frames: Frames, masks: Masks, file: CameraFile | None, size_m: float | None, shape_class: ShapeClass
+    frames: Frames,
+    masks: Masks,
+    file: CameraFile | None,
+    size_m: float | None,
+    shape_class: ShapeClass,
+    grounded: bool = True,
 ) -> Calibration:
-    """No pose: gravity from lines or a default, the ground from what the object rests on."""
+    """No pose: gravity from lines or a default, the ground from what the object rests on (if it may)."""
     support = find_support(frames, masks)
+    if not grounded:
+        support = replace(support, present=False)
     picture = background_of(frames) if support.static else frames.images[masks.keyframe]
     ignore = _grown(masks.object[masks.keyframe] | masks.hand[masks.keyframe], 9)
     default = TABLE_PITCH if support.present else AIR_PITCH
@@ -166,13 +181,21 @@ def _from_image(
         f"{'estimated from the image' if support.present else 'none'}: {support.reason}",
         doubts,
     )
-    if support.present and _meets(camera, masks.object[masks.keyframe], 0.0):
-        calibration = replace(calibration, camera=_centred(camera, masks.object[masks.keyframe]))
+    if support.present and meets(camera, masks.object[masks.keyframe], 0.0):
+        calibration = replace(calibration, camera=centred(camera, masks.object[masks.keyframe]))
         stated = "stated" if size_m is not None else "assumed"
-        return _sized(masks, calibration, size_m or DEFAULT_SIZE, stated, shape_class)
+        return sized(masks, calibration, size_m or DEFAULT_SIZE, stated, shape_class)
     if support.present:
         calibration = replace(calibration, ground_source="none: the object reaches above the horizon")
-    return _floating(frames, masks, replace(calibration, ground_height=None), size_m, shape_class)
+    return floating(masks, replace(calibration, ground_height=None), size_m, shape_class)
+
+
+def _object_depth(depth: Float[Array, "H W"] | None, masks: Masks) -> float | None:
+    """Median depth of the object on the keyframe [m], None where there is none."""
+    if depth is None:
+        return None
+    measured = depth[masks.object[masks.keyframe] & (depth > 0)]
+    return float(np.median(measured)) if len(measured) else None
 
 
 def _assumed_intrinsics(
@@ -186,62 +209,14 @@ def _assumed_intrinsics(
         lens = f"field of view {np.rad2deg(seen):.0f}° along the longer side estimated from the scene's lines"
         return intrinsics_for(seen, width, height), lens
     angle = float(DEFAULT_FIELD_OF_VIEW)
-    return intrinsics_for(
-        angle, width, height
-    ), f"field of view {np.rad2deg(angle):.0f}° assumed (longer side)"
+    lens = f"field of view {np.rad2deg(angle):.0f}° assumed (longer side)"
+    return intrinsics_for(angle, width, height), lens
 
 
 def _tilt_source(tilt: Tilt) -> str:
     how = "from straight lines" if tilt.reliable else "by default"
     pitch, roll = np.rad2deg([tilt.pitch, tilt.roll])
     return f"looks down {pitch:.0f}°, roll {roll:.0f}°, {how} ({tilt.evidence})"
-
-
-def _sized(
-    masks: Masks, calibration: Calibration, size: float, stated: str, shape_class: ShapeClass
-) -> Calibration:
-    """Move the camera towards or away from the object's foot until the object has its size."""
-    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
-    ratio = size / extent_of(mask, calibration, shape_class)
-    camera, ground = calibration.camera, calibration.ground_height or 0.0
-    pose = camera.world_from_camera.copy()
-    foot = _foot(camera, masks.object[masks.keyframe], ground)
-    pose[:3, 3] = foot + (pose[:3, 3] - foot) * ratio
-    before = calibration.scale_source
-    source = f"{stated}: the object's largest extent is {size:g} m"
-    doubts = calibration.warnings
-    if before and not 0.8 < ratio < 1.25:
-        doubts += (f"the stated size is {ratio:.2f} times what follows from {before}",)
-    return replace(
-        calibration,
-        camera=replace(camera, world_from_camera=pose),
-        scale_source=source + (f" (instead of {before})" if before else ""),
-        warnings=doubts,
-    )
-
-
-def _floating(
-    frames: Frames, masks: Masks, calibration: Calibration, size_m: float | None, shape_class: ShapeClass
-) -> Calibration:
-    """No ground: the object's middle becomes the origin, at the distance where it has its size."""
-    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
-    size = size_m or DEFAULT_SIZE
-    camera = calibration.camera
-    rows, columns = np.nonzero(mask)
-    middle = np.array([[columns.mean(), rows.mean()]])
-    pose = camera.world_from_camera.copy()
-    for depth in (1.0, None):
-        if depth is None:
-            depth = size / extent_of(mask, replace(calibration, camera=camera), shape_class)
-        rotation_only = pose.copy()
-        rotation_only[:3, 3] = 0.0
-        camera = replace(camera, world_from_camera=rotation_only)
-        rotation_only[:3, 3] = -camera.unproject(middle, np.array([depth]))[0]
-        camera = replace(camera, world_from_camera=rotation_only)
-    stated = "stated" if size_m is not None else "assumed"
-    return replace(
-        calibration, camera=camera, scale_source=f"{stated}: the object's largest extent is {size:g} m"
-    )
 
 
 def _camera(intrinsics: Float64[Array, "3 3"], pose: Float64[Array, "4 4"], frames: Frames) -> Camera:
@@ -257,31 +232,6 @@ def _pose_over_ground(up: Float64[Array, " 3"], height: float) -> Float64[Array,
     pose[:3, :3] = np.stack([np.cross(ahead, up), ahead, up])
     pose[2, 3] = height
     return pose
-
-
-def _foot(camera: Camera, mask: Bool[Array, "H W"], ground: float) -> Float64[Array, " 3"]:
-    """Where the ray through the middle of a mask meets the ground [m]."""
-    rows, columns = np.nonzero(mask)
-    ray = camera.unproject(np.array([[columns.mean(), rows.mean()]]), np.ones(1))[0] - camera.position
-    foot: Float64[Array, " 3"] = camera.position + ray * (ground - camera.position[2]) / ray[2]
-    return foot
-
-
-def _centred(camera: Camera, mask: Bool[Array, "H W"]) -> Camera:
-    """The camera in a world whose origin lies on the ground (z = 0) below the object."""
-    pose = camera.world_from_camera.copy()
-    pose[:2, 3] -= _foot(camera, mask, 0.0)[:2]
-    return replace(camera, world_from_camera=pose)
-
-
-def _meets(camera: Camera, mask: Bool[Array, "H W"], ground: float) -> bool:
-    """Whether all rays of a mask meet the ground in front of the camera, and not far off at the horizon."""
-    rows, columns = np.nonzero(mask)
-    pixels = np.stack([columns, rows], -1).astype(np.float64)
-    rays = camera.unproject(pixels, np.ones(len(pixels))) - camera.position
-    slope = rays[:, 2] / np.linalg.norm(rays, axis=-1)
-    above = camera.position[2] - ground
-    return bool(above > 0 and slope.max() < -np.sin(np.deg2rad(3.0)))
 
 
 def _grown(mask: Bool[Array, "H W"], reach: int) -> Bool[Array, "H W"]:

@@ -57,7 +57,9 @@ PIXEL_BLUR = 0.55
 """Standard deviation that rasterisers add to a footprint, in pixels (0.3 px² of variance)."""
 
 
-def fill(volume: Volume, pixel: float = 0.0, count: int = TARGET_COUNT) -> Filling:
+def fill(
+    volume: Volume, pixel: float = 0.0, floor: float | None = None, count: int = TARGET_COUNT
+) -> Filling:
     """Fill a body with about `count` Gaussians whose volumes sum to the body's.
 
     The spacing follows from the body's volume and surface; the generator has a fixed seed, so the same
@@ -67,15 +69,16 @@ def fill(volume: Volume, pixel: float = 0.0, count: int = TARGET_COUNT) -> Filli
         volume: The body.
         pixel: Size of a pixel at the body [m]: rendering blurs by about half of it, so the outer layer
             lies deeper by that and the outline stays where it is.
+        floor: Height of the ground [m]: what lies on it keeps its contact.
         count: How many to aim for.
     """
     candidates, normals = _surface_candidates(volume)
     area = _area(volume)
     spacing = _spacing_for(count, volume.total, area)
     for _ in range(2):  # the packing is only roughly known: correct the spacing by what came out
-        means, outward = _place(volume, candidates, normals, spacing, pixel)
+        means, outward = _place(volume, candidates, normals, spacing, pixel, floor)
         spacing *= float(np.clip((len(means) / count) ** 0.4, 0.8, 1.25))
-    means, outward = _place(volume, candidates, normals, spacing, pixel)
+    means, outward = _place(volume, candidates, normals, spacing, pixel, floor)
     scales = np.full((len(means), 3), 0.62 * COARSER_INSIDE * spacing)
     at_surface = np.any(outward != 0, axis=-1)
     scales[at_surface] = np.array([0.62, 0.62, FLATTENED]) * spacing
@@ -149,10 +152,14 @@ def _place(
     normals: Float64[Array, "N 3"],
     spacing: float,
     pixel: float,
+    floor: float | None,
 ) -> tuple[Float64[Array, "G 3"], Float64[Array, "G 3"]]:
     """Surface and interior centres for one spacing."""
     depth = INSET * float(np.hypot(FLATTENED * spacing, PIXEL_BLUR * pixel))
     inset = candidates - depth * normals
+    if floor is not None:  # seen from above the underside is no outline: it stays on the ground
+        resting = (normals[:, 2] < -0.5) & (candidates[:, 2] - floor < depth)
+        inset[resting, 2] = np.maximum(candidates[resting, 2], floor + FLATTENED * spacing)
     # Where the body is thinner than two insets, both sides meet in the middle instead of crossing.
     crossed = volume.sample(inset) < 0.2 * spacing
     inset[crossed] = candidates[crossed] - np.minimum(0.15 * spacing, volume.spacing) * normals[crossed]

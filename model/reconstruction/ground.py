@@ -57,7 +57,7 @@ def ground_from_depth(
     """
     reach = max(8.0, 0.6 * float(np.sqrt(np.count_nonzero(object_mask))))
     distance = ndimage.distance_transform_edt(~object_mask)
-    measured = np.isfinite(depth) & (np.nan_to_num(depth) > 0)
+    measured = np.isfinite(depth) & (depth > 0)
     ring = (distance > 4) & (distance < reach) & ~ndimage.binary_dilation(hand, iterations=4) & measured
     points = back_projected(depth, intrinsics, ring)
     if len(points) < 100:

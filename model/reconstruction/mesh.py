@@ -50,7 +50,7 @@ class MeshReconstructor(Reconstructor):
         mask = completed_mask(object_mask, masks.hand[masks.keyframe])
         placement = align(self.surface, image, mask, calibration)
         volume = volume_of(self.surface, placement)
-        filling = fill(volume, pixel_size(mask, calibration))
+        filling = fill(volume, pixel_size(mask, calibration), calibration.ground_height)
         colors = self._colors(filling, placement)
         if colors is None:
             colors = colors_from_image(filling, calibration.camera, image, object_mask)

@@ -59,7 +59,11 @@ class SilhouetteReconstructor(Reconstructor):
         filling = (
             _sheet(mask, calibration)
             if shape_class == "sheet"
-            else fill(body_of(mask, calibration, shape_class), pixel_size(mask, calibration))
+            else fill(
+                body_of(mask, calibration, shape_class),
+                pixel_size(mask, calibration),
+                calibration.ground_height,
+            )
         )
         gaussians = filling.painted(
             colors_from_image(filling, calibration.camera, image, masks.object[masks.keyframe])

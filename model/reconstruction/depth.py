@@ -1,0 +1,188 @@
+"""RGB-D: the measured front of the object, completed to a body behind it."""
+
+from pathlib import Path
+from typing import ClassVar
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float64
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from model.errors import InputError
+from model.reconstruction.balls import flatness_of, local_thickness
+from model.reconstruction.base import Reconstructor
+from model.reconstruction.depth_file import read_depth
+from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling, thinned
+from model.reconstruction.outline import overlap, silhouette_of
+from model.reconstruction.paint import colors_from_image
+from model.reconstruction.silhouette import SHEET_THICKNESS, completed_mask
+from model.reconstruction.volume import Volume, carved, grid_around, mask_distance, sample_image
+from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, ShapeClass
+
+FLYING = 0.02
+"""A pixel that differs from its neighbourhood's median by more than this share of its depth flies."""
+
+
+class DepthReconstructor(Reconstructor):
+    """Back-projects the object's depth and completes the side that the camera does not see.
+
+    Behind each visible point the body is as thick as a round body with this outline would be there, but
+    ends on the ground. Sheets get one layer on the measured surface. Lengths are those of the depth.
+
+    Args:
+        path: One depth image of the keyframe, or a folder with one per frame; see `depth_file.read_depth`.
+    """
+
+    name: ClassVar[str] = "depth"
+    version: ClassVar[str] = "1"
+
+    def __init__(self, path: Path | str) -> None:
+        """Remember where the depth lies; it is read for the keyframe only."""
+        self.path = Path(path)
+
+    def keyframe_depth(self, frames: Frames, masks: Masks) -> Float64[Array, "H W"]:
+        """Depth of the keyframe [m], 0 = missing: also what `calibrate` takes."""
+        height, width = frames.images.shape[1:3]
+        return read_depth(self.path, masks.keyframe, len(frames.images), height, width)
+
+    def __call__(
+        self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
+    ) -> Gaussians:
+        """Reconstruct the object on the keyframe.
+
+        Raises:
+            InputError: the depth does not fit the clip, or hardly any of the object was measured.
+        """
+        object_mask = masks.object[masks.keyframe]
+        mask = completed_mask(object_mask, masks.hand[masks.keyframe])
+        front, measured = surface_depth(self.keyframe_depth(frames, masks), object_mask, mask)
+        if measured < 0.2:
+            raise InputError(
+                f"{self.path}: only {measured:.0%} of the object has a depth; use silhouette instead"
+            )
+        camera = calibration.camera
+        if shape_class == "sheet":
+            filling = _sheet(front, mask, camera)
+        else:
+            volume = body_behind(front, mask, calibration)
+            pixel = float(np.median(front[mask])) / float(camera.intrinsics[0, 0])
+            filling = fill(volume, pixel, floor=calibration.ground_height)
+        colors = colors_from_image(filling, camera, frames.images[masks.keyframe], object_mask)
+        doubts: tuple[str, ...] = ()
+        if measured < 0.7:
+            doubts += (f"{1 - measured:.0%} of the object has no usable depth and was filled from around it",)
+        gaussians = filling.painted(colors, doubts)
+        score = overlap(silhouette_of(gaussians, camera), mask)
+        if score >= 0.9:
+            return gaussians
+        note = f"the reconstruction covers the keyframe's mask with an overlap of only {score:.2f}"
+        return filling.painted(colors, (*doubts, note))
+
+
+def surface_depth(
+    depth: Float[Array, "H W"], object_mask: Bool[Array, "H W"], mask: Bool[Array, "H W"]
+) -> tuple[Float64[Array, "H W"], float]:
+    """Depth of the object's visible surface in all of `mask` [m], and the share that was measured.
+
+    Flying pixels at edges (mixtures of object and background) and strays far from the rest of the object
+    are dropped; what is missing is taken from the nearest measured pixel and smoothed.
+    """
+    valid = object_mask & (depth > 0)
+    if not valid.any():
+        return np.zeros(depth.shape), 0.0
+    filled = _nearest_filled(depth, valid)
+    middle = cv2.medianBlur(filled.astype(np.float32), 5)
+    valid &= np.abs(depth - middle) < FLYING * depth
+    inner = ndimage.binary_erosion(object_mask, iterations=1)
+    if np.count_nonzero(valid & inner) > 0.5 * np.count_nonzero(valid):
+        valid &= inner
+    low, high = np.quantile(depth[valid], [0.02, 0.98]) if valid.any() else (0.0, 0.0)
+    margin = 0.5 * (high - low) + 0.01
+    valid &= (depth > low - margin) & (depth < high + margin)
+    if not valid.any():
+        return np.zeros(depth.shape), 0.0
+    share = float(np.count_nonzero(valid)) / int(np.count_nonzero(inner if inner.any() else object_mask))
+    front = _nearest_filled(depth, valid)
+    weight = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.2)
+    smooth = cv2.GaussianBlur(np.where(mask, front, 0.0).astype(np.float32), (0, 0), 1.2)
+    smooth = smooth / np.maximum(weight, 1e-6)
+    return np.where(mask, smooth, front).astype(np.float64), min(share, 1.0)
+
+
+def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibration: Calibration) -> Volume:
+    """The volume between the visible surface and a rounded back, above the ground."""
+    camera, ground = calibration.camera, calibration.ground_height
+    focal = float(camera.intrinsics[0, 0])
+    inscribed = np.maximum(mask_distance(mask), 0.0)
+    widest = local_thickness(mask)
+    # A round section: a chord of the circle with the local radius, at this distance from its rim.
+    chord = 2.0 * np.sqrt(np.maximum(widest**2 - (widest - np.minimum(inscribed, widest)) ** 2, 0.0))
+    thickness = np.maximum(flatness_of(mask) * chord * front / focal, 2.0 * front / focal)
+    rows, columns = np.nonzero(mask)
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    near = camera.unproject(pixels, front[mask])
+    far = camera.unproject(pixels, (front + thickness)[mask])
+    corners = np.concatenate([near, far])
+    if ground is not None:
+        corners[:, 2] = np.maximum(corners[:, 2], ground)
+    pixel = float(np.median(front[mask])) / focal
+    shape, origin, spacing = grid_around(corners.min(0), corners.max(0), np.eye(3), 0.5 * pixel)
+    volume = Volume(np.zeros(shape, np.float32), origin, np.eye(3), spacing)
+    points = volume.points
+    seen, depth = camera.project(points)
+    seen = np.clip(seen, -1e4, 1e4)
+    behind = depth - sample_image(front, seen)
+    before = sample_image(front + thickness, seen) - depth
+    distance = np.minimum(behind, before)
+    if ground is not None:
+        distance = np.minimum(distance, points[..., 2] - ground)
+    rough = Volume(distance.astype(np.float32), origin, np.eye(3), spacing)
+    body = carved(rough, mask, camera)
+    smooth = ndimage.gaussian_filter(body.distance, 0.7)
+    return Volume(smooth, origin, np.eye(3), spacing)
+
+
+def _sheet(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], camera: Camera) -> Filling:
+    """One layer on the measured surface, each Gaussian facing as its neighbourhood does."""
+    rows, columns = np.nonzero(mask)
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    points = camera.unproject(pixels, front[mask])
+    normals = _normals(points, camera)
+    towards = points - camera.position
+    distance = np.linalg.norm(towards, axis=-1)
+    cosine = np.maximum(np.abs(np.einsum("ni,ni->n", normals, towards)) / distance, 0.15)
+    area = float(((front[mask] / camera.intrinsics[0, 0]) ** 2 / cosine).sum())
+    spacing = float(np.sqrt(area / TARGET_COUNT))
+    # Finer than the pixels: repeat them with offsets inside the pixel before thinning.
+    repeats = max(1, round(2.0 * TARGET_COUNT / len(points)) + 1)
+    rng = np.random.default_rng(0)
+    dense = np.concatenate(
+        [
+            camera.unproject(pixels + offset, sample_image(front, pixels + offset))
+            for offset in rng.uniform(-0.5, 0.5, (repeats, len(pixels), 2))
+        ]
+    )
+    kept = thinned(dense, 0.85 * spacing)
+    means = dense[kept]
+    _, nearest = cKDTree(points).query(means)
+    filling = sheet_filling(means, normals[nearest], spacing, SHEET_THICKNESS)
+    share = np.full(len(means), area * SHEET_THICKNESS / len(means))
+    return Filling(means, filling.normals, filling.scales, share, spacing)
+
+
+def _normals(points: Float64[Array, "N 3"], camera: Camera) -> Float64[Array, "N 3"]:
+    """Unit normals towards the camera, from the plane through the nearest points."""
+    _, neighbours = cKDTree(points).query(points, k=min(24, len(points)))
+    local = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
+    normals = np.linalg.eigh(np.einsum("nki,nkj->nij", local, local))[1][..., 0]
+    away = np.einsum("ni,ni->n", normals, points - camera.position) > 0
+    facing: Float64[Array, "N 3"] = np.where(away[:, None], -normals, normals)
+    return facing
+
+
+def _nearest_filled(values: Float[Array, "H W"], valid: Bool[Array, "H W"]) -> Float64[Array, "H W"]:
+    """Values with invalid pixels replaced by the nearest valid one."""
+    index = ndimage.distance_transform_edt(~valid, return_distances=False, return_indices=True)
+    filled: Float64[Array, "H W"] = np.asarray(values, np.float64)[index[0], index[1]]
+    return filled
