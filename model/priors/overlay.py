@@ -7,7 +7,7 @@ from jaxtyping import UInt8
 from model.types import Array, PartView
 
 TINT = (255, 120, 0)
-TINT_SHARE = 0.25
+TINT_SHARE = 0.15
 DIMMED = 0.35
 """Brightness that is left to everything else."""
 MARGIN = 0.15

@@ -30,7 +30,7 @@ def test_the_part_is_tinted_outlined_and_the_rest_dimmed():
     inner = cv2.erode(mask.astype(np.uint8), np.ones((7, 7))) > 0
     outer = cv2.dilate(mask.astype(np.uint8), np.ones((7, 7))) == 0
     np.testing.assert_allclose(shown[outer], 0.35 * image[outer], atol=0.51)
-    np.testing.assert_allclose(shown[inner], 0.75 * image[inner] + 0.25 * np.array([255, 120, 0]), atol=0.51)
+    np.testing.assert_allclose(shown[inner], 0.85 * image[inner] + 0.15 * np.array([255, 120, 0]), atol=0.51)
     edge = mask & ~(cv2.erode(mask.astype(np.uint8), np.ones((3, 3))) > 0)
     assert (shown[edge] == [255, 120, 0]).all()
 
