@@ -31,7 +31,7 @@ class Constant:
 class Parametric(nn.Module):
     """Holds the values of declared constants.
 
-    A value without gradients becomes the parameter `log_<name>` (positive constants) or `<name>`, with
+    A value without gradients becomes the float64 parameter `log_<name>` (positive constants) or `<name>`,
     `requires_grad=False` until someone asks for it. A tensor that already requires gradients is kept as it
     is, under `<name>`: the caller owns its parameterisation, and gradients flow to the caller's leaf.
     Each value has one number, or as many as `Constant.over` says, and may have leading batch dimensions.
@@ -81,11 +81,10 @@ class Parametric(nn.Module):
 
 
 def _tensor(value: TensorLike) -> Tensor:
-    """Keep tensors; numbers become float64 so that no digit is lost before the simulator's dtype is known."""
+    """Keep tensors with gradients; all else becomes float64, so that its logarithm loses no digit."""
     if isinstance(value, Tensor):
-        return value if value.is_floating_point() else value.to(torch.float64)
-    array = np.asarray(value)
-    return torch.from_numpy(np.array(array, dtype=array.dtype if array.dtype == np.float32 else np.float64))
+        return value if value.requires_grad else value.to(torch.float64)
+    return torch.from_numpy(np.array(value, dtype=np.float64))
 
 
 def broadcast(*shapes: tuple[int, ...]) -> torch.Size:

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 import torch
@@ -13,8 +15,8 @@ def test_positive_constants_are_optimised_by_their_logarithm():
     (parameter,) = spring.parameters()
     assert parameter is spring.log_stiffness
     assert not parameter.requires_grad
-    torch.testing.assert_close(spring.value("stiffness"), torch.tensor([2.0, 50.0]))
-    torch.testing.assert_close(parameter.detach(), torch.tensor([2.0, 50.0]).log())
+    assert spring.value("stiffness").tolist() == pytest.approx([2.0, 50.0], rel=1e-15)
+    assert parameter.tolist() == pytest.approx([math.log(2.0), math.log(50.0)], rel=1e-15)
 
 
 def test_a_constant_with_gradients_stays_the_callers():

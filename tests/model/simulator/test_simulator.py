@@ -23,7 +23,7 @@ def forces(system):
 
 @pytest.fixture
 def simulator(system, forces):
-    return Simulator(system, forces, [Ground(0.2, 0.4, 0.0)])
+    return Simulator(system, forces, [Ground(0.2, 0.05, 0.0)])
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_gradients_reach_every_parameter(system, controls):
     ):
         own = System(
             points=system.points, mass=mass, springs=system.springs, rest_length=rest,
-            controller_springs=torch.tensor([[0, 2], [1, 5], [1, 6]]), controller_rest_length=torch.full((3,), 0.03),
+            controller_springs=torch.tensor([[0, 2], [1, 5], [1, 6]]), controller_rest_length=0.03,
         )  # fmt: skip
         forces = [Spring(stiffness), ControllerSpring(held), Dashpot(damping), Drag(drag), Gravity(gravity)]
         made = Simulator(own, forces, [Ground(restitution, friction, -0.05)])

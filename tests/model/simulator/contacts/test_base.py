@@ -53,7 +53,7 @@ def test_never_adds_energy_and_keeps_momentum_where_internal(kind, contact, clou
 
 @every_contact
 def test_leaves_what_separates_alone(kind, contact, cloud):
-    places, speeds, mass = cloud
+    places, _, mass = cloud
     term, values = contact(kind)
     away = places - places.mean(0)  # every pair separates
     away[:, 2] += 1.0  # and all rise

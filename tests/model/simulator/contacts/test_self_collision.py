@@ -52,7 +52,7 @@ def test_a_chain_does_not_pass_through_itself():
     gap = rollout.points[:, 1, 0] - rollout.points[:, 0, 0]
     step = 2.0 / 10 / 50
     assert gap.min() > 0.05 - 2 * step
-    # met after 0.475 s at a gap of 0.05, apart for 0.525 s; met up to a step late, which costs two ways of a step
+    # met after 0.475 s at a gap of 0.05, apart for 0.525 s; met a step late costs the way of two steps
     assert abs(float(gap[-1]) - (0.05 + 2 * 0.525)) < 2.01 * step
 
 

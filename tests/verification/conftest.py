@@ -1,0 +1,52 @@
+"""Small systems whose motion is known in closed form, in float64."""
+
+import pytest
+import torch
+
+from model.simulator.system import System
+
+
+@pytest.fixture
+def points():
+    """A system of loose points at the given places [m]."""
+
+    def build(places, mass=1.0):
+        return System(
+            points=torch.tensor(places, dtype=torch.float64),
+            mass=mass,
+            springs=torch.zeros((0, 2), dtype=torch.long),
+            rest_length=torch.zeros(0),
+        )
+
+    return build
+
+
+@pytest.fixture
+def chain():
+    """A straight chain of `count` points along x, `spacing` [m] apart, optionally held at both ends."""
+
+    def build(count, spacing, mass, held=False):
+        index = torch.arange(count)
+        places = torch.zeros((count, 3), dtype=torch.float64)
+        places[:, 0] = index * spacing
+        grip = torch.tensor([[0, 0], [1, count - 1]]) if held else None
+        return System(
+            points=places,
+            mass=mass,
+            springs=torch.stack([index[:-1], index[1:]], dim=1),
+            rest_length=spacing,
+            controller_springs=grip,
+            controller_points=places[[0, -1]] if held else None,
+        )
+
+    return build
+
+
+@pytest.fixture
+def blob():
+    """Ten points in general position and all springs between them."""
+    places = torch.rand((10, 3), dtype=torch.float64, generator=torch.Generator().manual_seed(4)) * 0.2
+    springs = torch.triu_indices(10, 10, 1).T
+    rest = (places[springs[:, 0]] - places[springs[:, 1]]).norm(dim=1)
+    mass = torch.linspace(0.5, 1.5, 10, dtype=torch.float64)
+    return System(points=places, mass=mass, springs=springs, rest_length=rest)
