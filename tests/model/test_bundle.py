@@ -131,6 +131,8 @@ class TestSaving:
         bundle.save(tmp_path / "a.twin.zip")
         bundle.save(tmp_path / "b.twin.zip")
         assert (tmp_path / "a.twin.zip").read_bytes() == (tmp_path / "b.twin.zip").read_bytes()
+        entries = zipfile.ZipFile(tmp_path / "a.twin.zip").infolist()
+        assert {entry.date_time for entry in entries} == {(1980, 1, 1, 0, 0, 0)}
 
     def test_same_bytes_in_another_process(self, twin_path: Path, tmp_path: Path):
         code = "import sys; from pathlib import Path; from model.bundle import TwinBundle as T\n"

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,18 @@ def test_a_failure_changes_nothing(tmp_path: Path):
         write_half()
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_reader_of_the_old_file_keeps_it(tmp_path: Path):
+    path = tmp_path / "x.mp4"
+    path.write_bytes(b"old")
+    with replacing(path) as temporary:
+        temporary.write_bytes(b"new")
+    os.link(path, tmp_path / "link")
+    with replacing(path) as temporary:
+        temporary.write_bytes(b"newer")
+    assert (tmp_path / "link").read_bytes() == b"new"
+    assert path.read_bytes() == b"newer"
 
 
 def test_a_long_name(tmp_path: Path):
