@@ -44,6 +44,8 @@ def check_writable(path: Path) -> None:
     try:
         if path.is_dir():
             raise InputError(f"cannot write {path}: it is a folder, give the name of a file")
+        if path.exists() and not path.is_file():  # /dev/null would be replaced for good
+            raise InputError(f"cannot write {path}: it is a device or a pipe, give the name of a file")
         parent = next(folder for folder in path.absolute().parents if folder.exists())
     except OSError as error:
         raise InputError(f"cannot write {path}: {(error.strerror or str(error)).lower()}") from None

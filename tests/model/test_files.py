@@ -57,5 +57,8 @@ def test_what_cannot_be_a_file(tmp_path: Path):
     for path in (tmp_path, tmp_path / "file" / "x", tmp_path / ("x" * 300)):
         with pytest.raises(InputError, match="cannot write"), replacing(path):
             pass
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="a device or a pipe"):
+        check_writable(tmp_path / "pipe")
     check_writable(tmp_path / "not" / "yet" / "there")
     assert not (tmp_path / "not").exists()

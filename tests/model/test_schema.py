@@ -2,6 +2,8 @@ import json
 
 import pytest
 
+from model.schema import SourceRecord, content_id, write_json
+
 
 def with_manifest(**changes) -> dict[str, bytes]:
     return {"twin.json": json.dumps({"schema": "matphys.twin/1"} | changes).encode()}
@@ -74,3 +76,22 @@ BROKEN = {
 def test_broken_records_are_refused(name: str, write_twin, members: dict[str, bytes], refusal):
     change, expected = BROKEN[name]
     assert expected in refusal(write_twin(files=change(members)))
+
+
+def test_the_id_follows_clip_options_and_version():
+    first = content_id("aa", {"parts": 5, "seed": 0}, "1")
+    assert first == content_id("aa", {"seed": 0, "parts": 5}, "1")
+    others = [
+        content_id("ab", {"parts": 5, "seed": 0}, "1"),
+        content_id("aa", {"parts": 4, "seed": 0}, "1"),
+        content_id("aa", {"parts": 5, "seed": 0}, "2"),
+    ]
+    assert len({first, *others}) == 4
+
+
+def test_json_is_the_same_every_time_and_keeps_its_letters():
+    record = SourceRecord(name="Bär.mp4", fps=30.0)
+    assert write_json(record) == write_json(record)
+    assert "Bär.mp4" in write_json(record).decode()
+    with pytest.raises(ValueError, match="Out of range float"):
+        write_json({"x": float("nan")})
