@@ -22,7 +22,7 @@ def coulomb(approach: Scalar, slip: Scalar, restitution: Scalar, friction: Scala
 
     Reference:
         Bridson, Fedkiw and Anderson (2002), Robust treatment of collisions, contact and friction for cloth
-        animation, SIGGRAPH '02, section 7.2.
+        animation, SIGGRAPH '02 (the friction impulse), with the normal impulse of an inelastic impact.
     """
     return restitution * approach, torch.clamp(
         1.0 - friction * (1.0 + restitution) * approach / slip, min=0.0

@@ -29,7 +29,7 @@ class Ground(ContactTerm):
 
     Reference:
         Bridson, Fedkiw and Anderson (2002), Robust treatment of collisions, contact and friction for cloth
-        animation, SIGGRAPH '02, section 7.2.
+        animation, SIGGRAPH '02 (the friction impulse).
     """
 
     name = "ground"

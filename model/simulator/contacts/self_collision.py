@@ -33,7 +33,7 @@ class SelfCollision(ContactTerm):
 
     Reference:
         Bridson, Fedkiw and Anderson (2002), Robust treatment of collisions, contact and friction for cloth
-        animation, SIGGRAPH '02, sections 7.1 and 7.2.
+        animation, SIGGRAPH '02 (the friction impulse, and averaging impulses of simultaneous contacts).
     """
 
     name = "self_collision"

@@ -19,7 +19,7 @@ class ControllerSpring(AxialForce):
 
     Reference:
         Jiang et al. (2025), PhysTwin: Physics-informed reconstruction and simulation of deformable objects
-        from videos, section 3 (control points join the object by springs).
+        from videos, arXiv:2503.17973 (control points are joined to the object by springs).
     """
 
     name = "controller_spring"

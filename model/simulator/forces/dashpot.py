@@ -16,8 +16,8 @@ class Dashpot(AxialForce):
         dashpot_damping: $\gamma$ [N·s/m]; one value, or shape [spring_count + controller_spring_count].
 
     Reference:
-        Baraff and Witkin (1998), Large steps in cloth simulation, SIGGRAPH '98, section 4.5 (damping along
-        the direction of the condition), for the condition |d| - L.
+        Baraff and Witkin (1998), Large steps in cloth simulation, SIGGRAPH '98 (damping forces act along the
+        gradient of a condition), for the condition |d| - L.
     """
 
     name = "dashpot"

@@ -19,7 +19,7 @@ class Drag(Decay):
 
     Reference:
         Jiang et al. (2025), PhysTwin: Physics-informed reconstruction and simulation of deformable objects
-        from videos, section 3 (the drag factor of the velocity update), in exponential form.
+        from videos, arXiv:2503.17973 (the drag factor of the velocity update), in exponential form.
     """
 
     name = "drag"

@@ -17,7 +17,7 @@ class Spring(AxialForce):
 
     Reference:
         Provot (1995), Deformation constraints in a mass-spring model to describe rigid cloth behavior,
-        Graphics Interface '95, section 2.2 (internal force).
+        Graphics Interface '95 (the internal force: the sum of the tensions of the linked springs).
     """
 
     name = "spring"

@@ -22,7 +22,7 @@ class UnprojectedDashpot(PairForce):
 
     Reference:
         Jiang et al. (2025), PhysTwin: Physics-informed reconstruction and simulation of deformable objects
-        from videos, section 3 (the dashpot force of the spring-mass model).
+        from videos, arXiv:2503.17973 (the dashpot force of the spring-mass model).
     """
 
     name = "unprojected_dashpot"

@@ -13,7 +13,7 @@ class SemiImplicitEuler(Integrator):
 
     Reference:
         Hairer, Lubich and Wanner (2003), Geometric numerical integration illustrated by the Störmer-Verlet
-        method, Acta Numerica 12, section 1 (symplectic Euler).
+        method, Acta Numerica 12 (symplectic Euler).
     """
 
     name = "semi_implicit_euler"
