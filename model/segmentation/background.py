@@ -10,7 +10,7 @@ from model.segmentation.color_model import ColorModel, log_ratio, to_lab
 from model.segmentation.regions import around, grown, signed_distance, without_gaps
 from model.types import Array
 
-RATIO_BINS, DELTA_BINS, TEXTURE_BINS = 24, 20, 4
+RATIO_BINS, DELTA_BINS, TEXTURE_BINS = 24, 20, 6
 RATIO_STEP, DELTA_STEP = RATIO_BINS / 1.8, DELTA_BINS / 6.4
 SHAPE = (RATIO_BINS, DELTA_BINS, DELTA_BINS, TEXTURE_BINS)
 
@@ -95,13 +95,29 @@ class Background:
         return Background(fill(lab, seen), seen)
 
 
+def textures(images: UInt8[Array, "T H W 3"], width: int, height: int) -> UInt8[Array, "T h w"]:
+    """Fine contrast (standard deviation in 5×5 pixels, ×16) of full-size frames, on a smaller grid."""
+    out = np.empty((len(images), height, width), np.uint8)
+    for image, texture in zip(images, out, strict=True):
+        gray = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        gray -= cv2.blur(gray, (9, 9))
+        spread = cv2.blur(gray * gray, (5, 5)) - np.square(cv2.blur(gray, (5, 5)))
+        small = cv2.resize(np.sqrt(np.maximum(spread, 0)), (width, height), interpolation=cv2.INTER_AREA)
+        # The contrast of an outline reaches out of the object: take it back.
+        texture[:] = np.clip(cv2.erode(small, np.ones((3, 3), np.uint8)) * 16, 0, 255)
+    return out
+
+
 def difference_codes(
-    lab: Float32[Array, "H W 3"], background: Float32[Array, "H W 3"]
+    lab: Float32[Array, "H W 3"],
+    texture: UInt8[Array, "H W"],
+    background: Float32[Array, "H W 3"],
+    plain: float,
 ) -> Int32[Array, "H W"]:
     """How each pixel differs from the empty scene, as one number.
 
     Lightness counts as a ratio (a shadow dims, and does not much else), chroma as a difference after that
-    dimming; local contrast is added, since a shadow has none.
+    dimming, and texture against the `plain` texture of the scene, since a shadow adds none.
     """
     # An edge of the scene may lie a pixel aside: compare with the closest value right there.
     kernel = np.ones((3, 3), np.uint8)
@@ -111,10 +127,9 @@ def difference_codes(
     level = np.clip((np.log(ratio) + 1.2) * RATIO_STEP, 0, RATIO_BINS - 1).astype(np.int32)
     chroma = np.arcsinh(delta / 3) * DELTA_STEP + DELTA_BINS / 2
     a, b = np.moveaxis(np.clip(chroma, 0, DELTA_BINS - 1).astype(np.int32), -1, 0)
-    light = lab[..., 0] - background[..., 0]
-    rough = np.sqrt(np.maximum(cv2.blur(light * light, (3, 3)) - np.square(cv2.blur(light, (3, 3))), 0))
-    texture = np.searchsorted(np.array([0.8, 1.6, 3.2], np.float32), rough).astype(np.int32)
-    codes: Int32[Array, "H W"] = ((level * DELTA_BINS + a) * DELTA_BINS + b) * TEXTURE_BINS + texture
+    edges = np.array([1.2, 1.7, 2.4, 3.4, 5.0], np.float32) * (plain + 5)
+    rough = np.searchsorted(edges, texture).astype(np.int32)
+    codes: Int32[Array, "H W"] = ((level * DELTA_BINS + a) * DELTA_BINS + b) * TEXTURE_BINS + rough
     return codes
 
 
@@ -129,7 +144,7 @@ def shadow_prior() -> Float32[Array, " C"]:
     hue = np.hypot(delta[:, None], delta[None, :])[None, :, :, None]
     dark = 1.2 * np.clip(-level, 0, 0.5) + 6 * np.clip(-level - 0.5, 0, 0.5)
     bright = 14 * np.clip(level - 0.04, 0, 0.3)
-    rough = np.array([-0.8, -0.1, 0.9, 1.5])
+    rough = np.array([-0.9, -0.5, 0.1, 0.7, 1.2, 1.5])
     odds = -1.8 + 0.55 * np.clip(hue - 2.5, 0, 8) + dark + bright + rough
     return np.clip(odds, -3, 3).astype(np.float32).reshape(-1)
 
@@ -139,20 +154,32 @@ class Contrast:
     """Log-odds that a pixel is the object, from how it differs from the empty scene."""
 
     background: Background
+    plain: float
+    """Median texture of the empty scene around the object."""
     table: Float32[Array, " C"]
     """Per difference code."""
 
     @staticmethod
     def guess(
-        images: UInt8[Array, "T H W 3"], objects: Bool[Array, "T H W"], hands: Bool[Array, "T H W"]
+        images: UInt8[Array, "T H W 3"],
+        texture: UInt8[Array, "T H W"],
+        objects: Bool[Array, "T H W"],
+        hands: Bool[Array, "T H W"],
     ) -> "Contrast":
         """From the empty scene behind rough masks, and what is known of shadows in general."""
         # A gap in a rough mask must not teach the object's own colours as the scene's: block gaps, too.
         blocked = np.stack([grown(without_gaps(o, 6) | h, 4) for o, h in zip(objects, hands, strict=True)])
-        return Contrast(Background.of(images, blocked), 1.3 * shadow_prior())
+        sample = range(0, len(images), max(1, len(images) // 8))
+        near = [texture[i][grown(blocked[i], 15) & ~blocked[i]] for i in sample]
+        plain = float(np.median(np.concatenate(near))) if any(map(len, near)) else 0.0
+        return Contrast(Background.of(images, blocked), plain, 1.3 * shadow_prior())
 
     def learned(
-        self, images: UInt8[Array, "T H W 3"], objects: Bool[Array, "T H W"], hands: Bool[Array, "T H W"]
+        self,
+        images: UInt8[Array, "T H W 3"],
+        texture: UInt8[Array, "T H W"],
+        objects: Bool[Array, "T H W"],
+        hands: Bool[Array, "T H W"],
     ) -> "Contrast":
         """Sharpened to this clip by masks that are nearly right."""
         codes, inside, outside, prior = [], [], [], shadow_prior()
@@ -161,25 +188,35 @@ class Contrast:
                 continue
             window = around(objects[index], 30)
             mask, hand = objects[index][window], grown(hands[index][window], 2)
-            codes.append(difference_codes(to_lab(images[index]), self.background.lab)[window].ravel())
+            codes.append(self.codes(to_lab(images[index]), texture[index])[window].ravel())
             # What looks like a shadow is believed to be object only well within the mask.
-            sure = (prior[codes[-1]].reshape(mask.shape) > -0.3) | (signed_distance(mask) > 8)
+            depth = signed_distance(mask)
+            sure = ((prior[codes[-1]].reshape(mask.shape) > -0.3) & (depth > 2)) | (depth > 8)
             inside.append((mask & sure & ~hand).ravel())
             outside.append((~grown(without_gaps(mask, 6), 1) & ~hand).ravel())
+        if not codes:
+            return self
         seen = np.concatenate(codes)
         models = [ColorModel.of(seen, np.concatenate(where), SHAPE) for where in (inside, outside)]
-        return Contrast(self.background, 0.7 * np.clip(log_ratio(*models), -1.5, 4) + prior)
+        table = 0.7 * np.clip(log_ratio(*models), -1.5, 4) + prior
+        return Contrast(self.background, self.plain, table.astype(np.float32))
 
-    def __call__(self, lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
-        """Log-odds of the object per pixel of a whole frame."""
-        odds: Float32[Array, "H W"] = self.table[difference_codes(lab, self.background.lab)]
+    def codes(
+        self, lab: Float32[Array, "H W 3"], texture: UInt8[Array, "H W"]
+    ) -> Int32[Array, "H W"]:
+        """The difference codes of a whole frame."""
+        return difference_codes(lab, texture, self.background.lab, self.plain)
+
+    def odds(self, codes: Int32[Array, "*n"]) -> Float32[Array, "*n"]:
+        """Log-odds of the object."""
+        odds: Float32[Array, "*n"] = self.table[codes]
         return odds
 
-    def changed(self, lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
+    def changed(self, codes: Int32[Array, "*n"]) -> Float32[Array, "*n"]:
         """Log-odds that something covers the scene, whatever was learned about the object."""
-        odds: Float32[Array, "H W"] = shadow_prior()[difference_codes(lab, self.background.lab)]
+        odds: Float32[Array, "*n"] = shadow_prior()[codes]
         return odds
 
-    def doubt(self, lab: Float32[Array, "H W 3"]) -> Float32[Array, "H W"]:
+    def doubt(self, codes: Int32[Array, "*n"]) -> Float32[Array, "*n"]:
         """1 where the empty scene cannot tell, 0 where it is sure."""
-        return np.exp(-np.square(np.minimum(self.changed(lab) + 0.3, 0) / 1.2)).astype(np.float32)
+        return np.exp(-np.square(np.minimum(self.changed(codes) + 0.3, 0) / 1.2)).astype(np.float32)

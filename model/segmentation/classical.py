@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from model.errors import InputError
-from model.segmentation.background import Contrast, camera_rests
+from model.segmentation.background import Contrast, camera_rests, textures
 from model.segmentation.base import Segmenter
 from model.segmentation.color_model import to_lab
 from model.segmentation.keyframe import find_object, hand_regions, object_in_box, refined, settle
@@ -40,15 +40,15 @@ class ClassicalSegmenter(Segmenter):
         seed, hands[keyframe] = settle(seed, hands[keyframe])
         objects = propagate(small, hands, seed, keyframe)
         if resting:
-            rough = objects
+            rough, texture = objects, textures(frames.images, small.shape[2], small.shape[1])
             for again in (False, True, True):
-                contrast = Contrast.guess(small, objects | rough, hands)
-                hands &= np.stack([contrast.changed(lab) > -1 for lab in labs])
-                hands = np.stack([without_specks(hand, 0.001 * hand.size) for hand in hands])
+                contrast = Contrast.guess(small, texture, objects | rough, hands)
                 if again:
-                    contrast = contrast.learned(small, objects, hands)
-                seed = refined(labs[keyframe], seed, hands[keyframe], contrast)
-                objects = propagate(small, hands, seed, keyframe, contrast)
+                    contrast = contrast.learned(small, texture, objects, hands)
+                else:
+                    hands = _changed(hands, labs, texture, contrast)
+                seed = refined(labs[keyframe], texture[keyframe], seed, hands[keyframe], contrast)
+                objects = propagate(small, hands, seed, keyframe, contrast, texture)
         hands = np.stack([_holding(o, h) for o, h in zip(objects, hands, strict=True)])
         return Masks(enlarge(objects, height, width), enlarge(hands, height, width), keyframe, ())
 
@@ -113,3 +113,14 @@ def _holding(object_mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]) -> Bool[
     """Only the skin that is at the object."""
     hand = hand & ~object_mask
     return touching(hand, grown(object_mask, 12))
+
+
+def _changed(
+    hands: Bool[Array, "T H W"],
+    labs: Float32[Array, "T H W 3"],
+    texture: UInt8[Array, "T H W"],
+    contrast: Contrast,
+) -> Bool[Array, "T H W"]:
+    """The hands without what is only the scene, or their shadow on it."""
+    covered = [contrast.changed(contrast.codes(lab, t)) > -1.2 for lab, t in zip(labs, texture, strict=True)]
+    return np.stack([without_specks(h & c, 0.001 * h.size) for h, c in zip(hands, covered, strict=True)])

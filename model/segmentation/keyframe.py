@@ -2,7 +2,7 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float32, UInt8
 
 from model.segmentation.background import Contrast
 from model.segmentation.color_model import as_bytes
@@ -135,16 +135,21 @@ def settle(
 
 
 def refined(
-    lab: Float32[Array, "H W 3"], seed: Bool[Array, "H W"], hand: Bool[Array, "H W"], contrast: Contrast
+    lab: Float32[Array, "H W 3"],
+    texture: UInt8[Array, "H W"],
+    seed: Bool[Array, "H W"],
+    hand: Bool[Array, "H W"],
+    contrast: Contrast,
 ) -> Bool[Array, "H W"]:
     """The object on the keyframe, once it is known how it differs from the empty scene."""
     distance = signed_distance(seed)
-    odds = np.clip(contrast(lab), -3, 3)
+    codes = contrast.codes(lab, texture)
+    odds = np.clip(contrast.odds(codes), -3, 3)
     evidence = odds + np.clip(distance / 4, -1.5, 0.5) - 3.0 * hand
     weights = edge_weights(lab, 3.0)
     u = min_cut(evidence.astype(np.float32), *weights, seed.astype(np.float32), 80)
     # White fur on a white table does not tell; where the rest of the object encloses it, believe the seed.
-    doubtful = without_gaps(u > 0.5, 6) & seed & (contrast.doubt(lab) > 0.2) & ~hand
+    doubtful = without_gaps(u > 0.5, 6) & seed & (contrast.doubt(codes) > 0.2) & ~hand
     u = min_cut(np.where(doubtful, np.maximum(evidence, 1.5), evidence).astype(np.float32), *weights, u, 80)
     found = without_holes(touching((u > 0.5) & ~hand, distance > 3), 30)
     return found if found.any() else seed

@@ -41,9 +41,10 @@ def propagate(
     seed: Bool[Array, "H W"],
     keyframe: int,
     contrast: Contrast | None = None,
+    texture: UInt8[Array, "T H W"] | None = None,
 ) -> Bool[Array, "T H W"]:
     """The object in every frame, from its mask on the keyframe."""
-    carrier = _Carrier(images, hands, seed, keyframe, contrast)
+    carrier = _Carrier(images, hands, seed, keyframe, contrast, texture)
     count = len(images)
     for steps in (range(keyframe + 1, count), range(keyframe - 1, -1, -1)):
         carrier.carry(steps, keyframe)
@@ -60,8 +61,9 @@ class _Carrier:
         seed: Bool[Array, "H W"],
         keyframe: int,
         contrast: Contrast | None,
+        texture: UInt8[Array, "T H W"] | None,
     ) -> None:
-        self.images, self.hands, self.contrast = images, hands, contrast
+        self.images, self.hands, self.contrast, self.texture = images, hands, contrast, texture
         self.masks = np.zeros(hands.shape, bool)
         self.masks[keyframe] = seed
         self.skin = ColorModel.of(color_codes(to_lab(images[keyframe])), hands[keyframe])
@@ -92,7 +94,8 @@ class _Carrier:
         mask = self.masks[index]
         window = around(mask, MARGIN) if mask.any() else (slice(None), slice(None))
         mask, hand, codes = mask[window], self.hands[index][window], color_codes(lab[window])
-        return ColorModel.of(codes, mask), ColorModel.of(codes, ~grown(mask, 1) & ~hand)
+        core = signed_distance(mask) > 1.5
+        return ColorModel.of(codes, core if core.any() else mask), ColorModel.of(codes, ~grown(mask, 1) & ~hand)
 
     def _cut(
         self,
@@ -107,16 +110,17 @@ class _Carrier:
         color = np.clip(ratio[color_codes(near)], -3, 3)
         distance = signed_distance(prior[window] > 0.5)
         place = np.clip(distance / 2, -3, 3) - np.maximum(-distance - 5, 0) * 0.5
-        if self.contrast is None:
+        doubt = np.zeros_like(distance)
+        if self.contrast is None or self.texture is None:
             evidence = color + place
         else:
             # Where the scene behind does not tell (white fur on a white table), motion decides.
-            odds = np.clip(self.contrast(lab)[window], -4, 4)
-            evidence = 0.5 * color + odds + (0.3 + 0.5 * self.contrast.doubt(lab)[window]) * place
+            codes = self.contrast.codes(lab, self.texture[now])[window]
+            doubt = self.contrast.doubt(codes)
+            odds = np.clip(self.contrast.odds(codes), -4, 4)
+            evidence = 0.5 * color + odds + (0.3 + 0.5 * doubt) * (place - 0.4)
         evidence = (evidence - 2.5 * (hand & (prior[window] < 0.9))).astype(np.float32)
         u = min_cut(evidence, *edge_weights(near, 3.0), prior[window], 40)
         mask = (u > 0.5) & ~(hand & (prior[window] < 0.5))
-        if self.contrast is not None:
-            enclosed = without_gaps(mask, 5) & (distance > 0) & (self.contrast.doubt(lab)[window] > 0.1)
-            mask |= enclosed & ~hand
+        mask |= without_gaps(mask, 5) & (distance > 0) & (doubt > 0.1) & ~hand
         self.masks[now][window] = without_holes(touching(mask, distance > 1.5), 30)
