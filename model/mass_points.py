@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from model.types import Array, Gaussians, ShapeClass
 
-ROPE_SPACING = 0.9
-"""Spacing of a rope's points over its radius: some six points per section, so that it resists bending."""
+ROPE_SPACING = 0.6
+"""Spacing of a rope's points over its radius: a dozen points per section, so that it resists bending."""
 LIGHTEST = 0.35
 """The lightest point weighs at least this much of the median one: light points on stiff springs would
 set the time step of the whole."""
@@ -21,7 +21,7 @@ def place_points(
     """Spread mass points evenly through the volume; each sits on (of a sheet: below) a Gaussian.
 
     Farthest-point sampling, so inside and surface are both covered whatever the density of the Gaussians.
-    A rope gets no more points than make six per section, a sheet one layer on its middle surface.
+    A rope gets no more points than make a dozen per section, a sheet one layer on its middle surface.
 
     Returns:
         Distinct positions [m], at most `count`, and the Gaussian of each.

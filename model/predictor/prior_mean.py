@@ -87,7 +87,7 @@ class PriorMeanPredictor(ParameterPredictor):
         if substeps > SUBSTEPS:
             # the stable step goes as 1/√stiffness, the dashpot as √stiffness: one scaling settles it
             scale = (SUBSTEPS / substeps) ** 2
-            stiffness, held, dashpot = stiffness * scale, held * scale, dashpot * np.sqrt(scale)
+            stiffness, held, dashpot = stiffness * scale, held * scale, dashpot * scale**0.5
             warnings = (_limited(priors, scale),)
         entries = {
             "dashpot_damping": Parameter(dashpot, "N*s/m", "prior", dashpot * damping_spread),

@@ -1,0 +1,254 @@
+"""Where the hand holds the object, over time, in metres: what drives the replay of a clip."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int
+from scipy.spatial import cKDTree
+
+from model.contact import centre_of, contact_groups, first_contact, grown, touch_distance
+from model.errors import InputError
+from model.geodesics import ways_through
+from model.grip_depth import Tethers, constant_depth, paired_scale, smooth_depth, tethered_depth
+from model.grip_motion import GripPath, Track, follow_grip
+from model.npz import read_arrays
+from model.types import Array, Calibration, Controllers, Frames, Gaussians, Masks, Tracks
+
+PER_GRIP = 6
+"""Controller points per grip."""
+GRASP_DEPTH = 0.08
+"""Fingers hold what lies behind the front of the contact by at most this share of the object's size."""
+STILL = 2.0
+"""A place of the object that moved less than this since the keyframe rests [px]."""
+RELEASE = 6
+"""Frames without contact that count as letting go."""
+
+
+def find_controllers(
+    frames: Frames,
+    masks: Masks,
+    tracks: Tracks,
+    calibration: Calibration,
+    gaussians: Gaussians,
+    tracker: Track,
+) -> Controllers:
+    """Find the grips of the keyframe and follow them to the end of the clip.
+
+    A grip is a connected contact of hand and object on the keyframe. Up to six points of the object that
+    the fingers enclose move rigidly with it: in the image as tracks on the fingers and beside them say, in
+    depth by the rules of `model.grip_depth`, turning about the optical axis. Where a hand
+    touches the object only later, the contact is followed back along the object's tracks to the keyframe; the
+    points rest there until the hand arrives, then follow it. The object lies still until it is touched, so
+    holding it at rest meanwhile changes nothing.
+
+    Args:
+        frames: The clip.
+        masks: Object and hand.
+        tracks: Of the object, from the keyframe.
+        calibration: Camera and ground.
+        gaussians: The object on the keyframe.
+        tracker: Follows pixels through (part of) a clip.
+    """
+    key, length = masks.keyframe, len(frames.images) - masks.keyframe
+    start = first_contact(masks)
+    if start is None:
+        return _nothing(length)
+    notes: list[str] = []
+    if start > key:
+        notes.append(
+            f"controllers: the hand touches the object first on frame {start}; "
+            "it is held at rest there until then"
+        )
+    grips = contact_groups(masks.object[start], masks.hand[start])
+    rest: list[Float64[Array, "c 3"]] = []
+    paths: list[GripPath] = []
+    for patch in grips:
+        place = centre_of(patch)
+        radius = float(np.clip(0.3 * np.sqrt(masks.object[start].sum()), 15.0, 70.0))
+        paths.append(follow_grip(frames, masks, start, place, radius, tracker))
+        rest.append(_held_points(_back_to_keyframe(patch, tracks, start, key), calibration, gaussians))
+    notes += _doubts(paths, start)
+    motions = _lift(paths, rest, tracks, calibration, gaussians, key, start)
+    still = [np.repeat(points[None], start - key, axis=0) for points in rest]
+    moving = [np.concatenate([before, after]) for before, after in zip(still, motions, strict=True)]
+    group = np.repeat(np.arange(len(rest)), [len(points) for points in rest])
+    return Controllers(np.concatenate(moving, axis=1).astype(np.float32), group, tuple(notes))
+
+
+def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
+    """Read the controllers' motion that the user brings, resampled at the frames from the keyframe on.
+
+    Args:
+        path: A `.npz` with `controllers` or `controls` [T, C, 3] in metres in the twin's world, and
+            optionally `times` [T] in seconds on the clip's clock (its first frame is 0). Without times there
+            is one row per frame of the clip, or one per frame from the keyframe on.
+        frames: The clip.
+        masks: Their keyframe is where the motion starts.
+
+    Raises:
+        InputError: an array is missing, has another shape, or is not finite.
+    """
+    arrays = read_arrays(path, ("controllers", "controls", "times"))
+    name = next((name for name in ("controllers", "controls") if name in arrays), None)
+    if name is None:
+        raise InputError(f"{path.name}: controllers is missing: expected an array [T, C, 3] in metres")
+    motion = arrays[name].astype(np.float64)
+    if motion.ndim != 3 or motion.shape[2] != 3 or len(motion) == 0:
+        raise InputError(f"{path.name}: {name}: expected shape [T, C, 3], found {list(motion.shape)}")
+    if not np.isfinite(motion).all():
+        frame = int(np.argwhere(~np.isfinite(motion))[0][0])
+        raise InputError(f"{path.name}: {name}[{frame}]: expected finite numbers, found NaN or infinity")
+    wanted = frames.times[masks.keyframe :]
+    times = _times_of(path, name, arrays.get("times"), len(motion), frames, masks.keyframe)
+    flat = motion.reshape(len(motion), -1)
+    columns = [np.interp(wanted, times, column) for column in flat.T]
+    resampled = np.stack(columns, axis=1) if columns else np.zeros((len(wanted), 0))
+    placed = resampled.reshape(len(wanted), motion.shape[1], 3).astype(np.float32)
+    return Controllers(placed, np.zeros(motion.shape[1], int))
+
+
+def _times_of(
+    path: Path, name: str, times: Array | None, rows: int, frames: Frames, keyframe: int
+) -> Float64[Array, " T"]:
+    if times is None:
+        for first in (keyframe, 0):
+            if rows == len(frames.times) - first:
+                return frames.times[first:]
+        left = len(frames.times) - keyframe
+        raise InputError(
+            f"{path.name}: {name}: expected {left} rows (frames from keyframe {keyframe} on) or "
+            f"{len(frames.times)} (all frames), found {rows}; or give times [T] in seconds"
+        )
+    if times.shape != (rows,):
+        raise InputError(f"{path.name}: times: expected shape [{rows}], found {list(times.shape)}")
+    seconds = times.astype(np.float64)
+    if not np.isfinite(seconds).all() or not (np.diff(seconds) > 0).all():
+        raise InputError(f"{path.name}: times: expected finite, strictly increasing seconds")
+    return seconds
+
+
+def _nothing(length: int) -> Controllers:
+    warning = "controllers: nothing holds the object; it will fall or rest"
+    return Controllers(np.zeros((length, 0, 3), np.float32), np.zeros(0, int), (warning,))
+
+
+def _doubts(paths: list[GripPath], start: int) -> list[str]:
+    """What the reader should know about the paths."""
+    notes = []
+    for index, path in enumerate(paths):
+        lost = 1.0 - path.tracked.mean()
+        if lost > 0.2:
+            notes.append(f"controllers: grip {index} followed by the masks alone in {lost:.0%} of the frames")
+        apart = np.convolve(~path.touching, np.ones(RELEASE), "valid") >= RELEASE
+        if len(path.touching) >= RELEASE and apart.any():
+            notes.append(
+                f"controllers: hand {index} seems to let go on frame {start + int(np.argmax(apart))}; "
+                "the replay holds on"
+            )
+    return notes
+
+
+def _back_to_keyframe(patch: Bool[Array, "H W"], tracks: Tracks, start: int, key: int) -> Bool[Array, "H W"]:
+    """The patch of frame `start` where it was on the keyframe: moved as the tracks nearest to it."""
+    if start == key or tracks.points.shape[1] == 0:
+        return patch
+    now, before = tracks.points[start], tracks.points[key]
+    near = np.argsort(((now - centre_of(patch)) ** 2).sum(axis=1), kind="stable")[:10]
+    shift = np.round(np.median(before[near] - now[near], axis=0)).astype(int)
+    rows, columns = np.nonzero(patch)
+    height, width = patch.shape
+    rows = np.clip(rows + shift[1], 0, height - 1)
+    columns = np.clip(columns + shift[0], 0, width - 1)
+    moved = np.zeros_like(patch)
+    moved[rows, columns] = True
+    return moved
+
+
+def _held_points(
+    patch: Bool[Array, "H W"], calibration: Calibration, gaussians: Gaussians
+) -> Float64[Array, "c 3"]:
+    """Up to `PER_GRIP` Gaussians that the fingers enclose, spread over the contact patch."""
+    means = gaussians.means.astype(np.float64)
+    pixels, depth = calibration.camera.project(means)
+    height, width = patch.shape
+    around = grown(patch, touch_distance(patch) // 2)
+    cells = np.round(np.clip(pixels, 0, (width - 1, height - 1))).astype(int)
+    inside = np.flatnonzero(around[cells[:, 1], cells[:, 0]])
+    if len(inside) == 0:
+        away = ((pixels - centre_of(patch)) ** 2).sum(axis=1)
+        inside = np.argsort(away, kind="stable")[: 4 * PER_GRIP]
+    extent = float(np.ptp(means, axis=0).max())
+    front = float(np.quantile(depth[inside], 0.02))
+    inside = inside[depth[inside] <= front + GRASP_DEPTH * extent]
+    return np.asarray(means[inside[_spread(means[inside])]], np.float64)
+
+
+def _spread(points: Float64[Array, "m 3"]) -> Int[Array, " c"]:
+    """Up to `PER_GRIP` of the points, far from each other, the most central first."""
+    chosen = [int(np.argmin(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+    distance = ((points - points[chosen[0]]) ** 2).sum(axis=1)
+    while len(chosen) < PER_GRIP and distance.max() > 0:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+    return np.array(chosen)
+
+
+def _lift(
+    paths: list[GripPath],
+    rest: list[Float64[Array, "c 3"]],
+    tracks: Tracks,
+    calibration: Calibration,
+    gaussians: Gaussians,
+    key: int,
+    start: int,
+) -> list[Float64[Array, "T c 3"]]:
+    """The grips' points in the world, from the first contact on."""
+    camera = calibration.camera
+    centres = [points.mean(axis=0) for points in rest]
+    pixels = [
+        camera.project(centre)[0] + path.position - path.position[0]
+        for centre, path in zip(centres, paths, strict=True)
+    ]
+    depths = [constant_depth(seen, centre, calibration) for seen, centre in zip(pixels, centres, strict=True)]
+    places, resting = _resting_places(tracks, calibration, gaussians, key, start)
+    ways = ways_through(gaussians, np.stack(centres), np.concatenate([places, np.stack(centres)]))
+    for index, seen in enumerate(pixels):
+        tethers = Tethers(places, ways[index, : len(places)], resting)
+        depths[index] = tethered_depth(seen, depths[index], tethers, camera)
+    if len(pixels) == 2:
+        first, second = (camera.unproject(seen, depth) for seen, depth in zip(pixels, depths, strict=True))
+        shrink = paired_scale(first, second, float(ways[0, len(places) + 1]))
+        depths = [depth * shrink for depth in depths]
+    motions = []
+    for points, centre, seen, depth, path in zip(rest, centres, pixels, depths, paths, strict=True):
+        middle = camera.unproject(seen, smooth_depth(depth))
+        motions.append(middle[:, None] + _turned(points - centre, path.angle, calibration))
+    return motions
+
+
+def _turned(
+    offsets: Float64[Array, "c 3"], angle: Float64[Array, " T"], calibration: Calibration
+) -> Float64[Array, "T c 3"]:
+    """Offsets turned about the optical axis as the grip turns in the image."""
+    axes = calibration.camera.world_from_camera[:3, :3]
+    cosine, sine = np.cos(angle), np.sin(angle)
+    zero, one = np.zeros_like(angle), np.ones_like(angle)
+    turn = np.stack([cosine, -sine, zero, sine, cosine, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
+    return np.asarray(np.einsum("ij,tjk,lk,cl->tci", axes, turn, axes.T, offsets), np.float64)
+
+
+def _resting_places(
+    tracks: Tracks, calibration: Calibration, gaussians: Gaussians, key: int, start: int
+) -> tuple[Float64[Array, "M 3"], Bool[Array, "T M"]]:
+    """Places of the object under tracks, and until when each has not moved since the keyframe."""
+    count = len(tracks.points) - start
+    if calibration.ground_height is None or tracks.points.shape[1] == 0:
+        return np.zeros((0, 3)), np.zeros((count, 0), bool)
+    pixels, depth = calibration.camera.project(gaussians.means)
+    near = (
+        cKDTree(pixels).query(tracks.points[key], min(8, len(pixels)))[1].reshape(tracks.points.shape[1], -1)
+    )
+    front = near[np.arange(len(near)), np.argmin(depth[near], axis=1)]
+    moved = np.linalg.norm(tracks.points[key:] - tracks.points[key], axis=2)
+    quiet = np.logical_and.accumulate((moved < STILL) & tracks.visible[key:], axis=0)
+    return gaussians.means[front].astype(np.float64), quiet[start - key :]
