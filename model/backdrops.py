@@ -13,8 +13,10 @@ PLATE_FRAMES = 24
 SKY, FLOOR = (0.93, 0.94, 0.95), (0.80, 0.82, 0.84)
 GRID = 0.05
 """Spacing of the studio's floor lines [m]."""
-SHADOW, LEAN = 0.55, (0.25, 0.35)
+SHADOW, LEAN = 0.45, (0.25, 0.35)
 """How dark a shadow gets, and how far the light throws it (x, y) per metre of height."""
+PENUMBRA = 0.06
+"""Height [m] over which a shadow gets blurred."""
 
 
 def plate(frames: Frames, masks: Masks, width: int, height: int) -> Float32[Array, "h w 3"]:
@@ -93,10 +95,13 @@ def shade(
     inside = (depth > 0) & (place >= 0).all(axis=1) & (place < [shape[1], shape[0]]).all(axis=1)
     column, row = place[inside].astype(np.int64).T
     # Area of the shadow in coarse pixels: a lump of this volume is about this wide.
-    width = np.cbrt(volumes[inside]) * camera.intrinsics[0, 0] / depth[inside] / coarse
-    cover = np.bincount(row * shape[1] + column, weights=width**2, minlength=shape[0] * shape[1])
-    blur = max(1.0, camera.width / coarse / 70)
-    density = cv2.GaussianBlur(cover.reshape(shape).astype(np.float32), (0, 0), blur)
+    area = (np.cbrt(volumes[inside]) * camera.intrinsics[0, 0] / depth[inside] / coarse) ** 2
+    sharp = np.exp(-height[inside] / PENUMBRA)
+    density = np.zeros(shape, np.float32)
+    for share, blur in ((sharp, 1.0), (1 - sharp, 4.0)):
+        cover = np.bincount(row * shape[1] + column, weights=share * area, minlength=shape[0] * shape[1])
+        blur *= max(1.0, camera.width / coarse / 110)
+        density += cv2.GaussianBlur(cover.reshape(shape).astype(np.float32), (0, 0), blur)
     dark = SHADOW * (1 - np.exp(-1.5 * density))
     dark = cv2.resize(dark, (camera.width, camera.height), interpolation=cv2.INTER_CUBIC)
     shaded: Float32[Array, "h w 3"] = backdrop * (1 - np.clip(dark, 0, 1)[..., None])
