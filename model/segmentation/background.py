@@ -201,9 +201,7 @@ class Contrast:
         table = 0.7 * np.clip(log_ratio(*models), -1.5, 4) + prior
         return Contrast(self.background, self.plain, table.astype(np.float32))
 
-    def codes(
-        self, lab: Float32[Array, "H W 3"], texture: UInt8[Array, "H W"]
-    ) -> Int32[Array, "H W"]:
+    def codes(self, lab: Float32[Array, "H W 3"], texture: UInt8[Array, "H W"]) -> Int32[Array, "H W"]:
         """The difference codes of a whole frame."""
         return difference_codes(lab, texture, self.background.lab, self.plain)
 

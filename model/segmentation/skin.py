@@ -2,7 +2,7 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Float32, UInt8
 
 from model.segmentation.color_model import ColorModel, color_codes, log_ratio, to_lab
 from model.types import Array
@@ -29,20 +29,16 @@ def skin_prior(image: UInt8[Array, "H W 3"]) -> Float32[Array, "H W"]:
 class SkinModel:
     """Log-odds of skin per colour code, learned from a few frames of one clip."""
 
-    def __init__(self, images: UInt8[Array, "T H W 3"], moving: Bool[Array, "H W"]) -> None:
-        """Learn from `images`; skin is what looks like it and lies in the `moving` part of the picture."""
-        codes = color_codes(to_lab(images))
+    def __init__(self, images: UInt8[Array, "T H W 3"]) -> None:
+        """Learn from `images`, frames spread over the clip."""
         prior = np.stack([skin_prior(image) for image in images])
-        self.table = np.zeros(0, np.float32)
-        self.found = False
-        likely = (prior > 0.45) & moving
-        likely = np.stack(
-            [cv2.morphologyEx(m.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3))) for m in likely]
-        )
-        likely = likely.astype(bool)
-        if likely.sum() < 0.001 * likely.size:
-            return
-        self.found = True
+        opened = [
+            cv2.morphologyEx((p > 0.45).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3))) for p in prior
+        ]
+        likely = np.stack(opened).astype(bool)
+        self.found = bool(likely.sum() >= 0.001 * likely.size)
+        """Whether the frames show any skin."""
+        codes = color_codes(to_lab(images))
         self.table = log_ratio(ColorModel.of(codes, likely), ColorModel.of(codes, prior < 0.3))
 
     def __call__(self, image: UInt8[Array, "H W 3"]) -> Float32[Array, "H W"]:
