@@ -2,7 +2,7 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Int32
 from scipy import ndimage
 
 from model.types import Array, Masks
@@ -11,6 +11,8 @@ TOUCH = 0.008
 """Object and hand touch when they are this share of the image diagonal apart, or nearer."""
 TOGETHER = 0.35
 """Contacts of one hand nearer than this share of the object's size are one grip."""
+LASTING = 6
+"""Frames a contact must last to be a grip."""
 HANDS = 2
 """More grips than a person has hands are not believed."""
 _SMALL = 0.15
@@ -26,58 +28,91 @@ def contact_band(
     object_mask: Bool[Array, "H W"], hand_mask: Bool[Array, "H W"], reach: int
 ) -> Bool[Array, "H W"]:
     """Pixels of the object within `reach` [px] of the hand."""
-    return grown(hand_mask, reach) & object_mask
+    return np.asarray(grown(hand_mask, reach) & object_mask)
 
 
 def contact_groups(
     object_mask: Bool[Array, "H W"], hand_mask: Bool[Array, "H W"]
 ) -> list[Bool[Array, "H W"]]:
-    """The patches of the object that hands touch, one per grip, the largest first, at most `HANDS`."""
+    """The patches of the object that hands touch, one per hand, the largest first, at most `HANDS`.
+
+    A hand is a connected piece of the hand mask. Where it touches in several places that are near each
+    other they are one grip; of places far apart (a fist and the forearm behind it) the largest counts.
+    """
     reach = touch_distance(object_mask)
-    band = contact_band(object_mask, hand_mask, reach)
-    labels, count = ndimage.label(band, structure=np.ones((3, 3)))
+    labels, count = ndimage.label(contact_band(object_mask, hand_mask, reach), structure=np.ones((3, 3)))
     if count == 0:
         return []
-    hands, _ = ndimage.label(grown(hand_mask, reach), structure=np.ones((3, 3)))
-    patches = [labels == index + 1 for index in range(count)]
-    owners = [int(np.bincount(hands[patch]).argmax()) for patch in patches]
+    hands = hand_pieces(hand_mask)
     apart = TOGETHER * float(np.sqrt(object_mask.sum()))
-    merged = _merge(patches, owners, apart)
-    sizes = np.array([patch.sum() for patch in merged])
-    order = np.argsort(-sizes, kind="stable")[:HANDS]
-    return [merged[index] for index in order if sizes[index] >= _SMALL * sizes.max()]
+    patches = sorted((labels == index + 1 for index in range(count)), key=lambda patch: -int(patch.sum()))
+    grips: dict[int, Bool[Array, "H W"]] = {}
+    for patch in patches:
+        owner = int(np.bincount(hands[patch]).argmax())
+        if owner not in grips:
+            grips[owner] = patch
+        elif np.linalg.norm(centre_of(grips[owner]) - centre_of(patch)) < apart:
+            grips[owner] = grips[owner] | patch
+    largest = sorted(grips.values(), key=lambda grip: -int(grip.sum()))[:HANDS]
+    return [grip for grip in largest if grip.sum() >= _SMALL * largest[0].sum()]
 
 
-def first_contact(masks: Masks) -> int | None:
-    """The first frame from the keyframe on in which a hand touches the object."""
-    for index in range(masks.keyframe, len(masks.object)):
-        if masks.hand[index].any() and contact_groups(masks.object[index], masks.hand[index]):
-            return index
+def hand_pieces(hand_mask: Bool[Array, "H W"]) -> Int32[Array, "H W"]:
+    """Labels of the hands, 1 …, each grown by the touch distance; 0 elsewhere."""
+    labels, _ = ndimage.label(grown(hand_mask, touch_distance(hand_mask)), structure=np.ones((3, 3)))
+    return np.asarray(labels, np.int32)
+
+
+def later_grip(
+    masks: Masks, start: int, taken: list[Float64[Array, "T 2"]]
+) -> tuple[int, Bool[Array, "H W"]] | None:
+    """The first frame from `start` on in which a hand that holds no grip yet touches, and where.
+
+    It must be a piece of the hand mask that no known grip belongs to, away from all of them, and still
+    touch near there `LASTING` frames later.
+
+    Args:
+        masks: Object and hand.
+        start: The frame to begin with.
+        taken: Known grips from the keyframe on [px].
+    """
+    for frame in range(start, len(masks.object) - LASTING):
+        if not masks.hand[frame].any():
+            continue
+        places = [path[frame - masks.keyframe] for path in taken]
+        for patch in _free_patches(masks, frame, places):
+            after = contact_groups(masks.object[frame + LASTING], masks.hand[frame + LASTING])
+            near = TOGETHER * float(np.sqrt(masks.object[frame].sum()))
+            if any(np.linalg.norm(centre_of(other) - centre_of(patch)) < near for other in after):
+                return frame, patch
     return None
+
+
+def _free_patches(masks: Masks, frame: int, places: list[Float64[Array, " 2"]]) -> list[Bool[Array, "H W"]]:
+    """Contacts of hands that hold none of the grips at `places`."""
+    thing, hand = masks.object[frame], masks.hand[frame]
+    pieces = hand_pieces(hand)
+    apart = TOGETHER * float(np.sqrt(thing.sum()))
+    height, width = thing.shape
+    owners: set[int] = set()
+    for place in places:
+        column, row = np.round(np.clip(place, 0, (width - 1, height - 1))).astype(int)
+        window = pieces[max(row - 12, 0) : row + 13, max(column - 12, 0) : column + 13]
+        owners.update(int(label) for label in np.unique(window[window > 0]))
+    return [
+        patch
+        for patch in contact_groups(thing, hand)
+        if int(np.bincount(pieces[patch]).argmax()) not in owners
+        and all(np.linalg.norm(centre_of(patch) - place) > apart for place in places)
+    ]
 
 
 def centre_of(mask: Bool[Array, "H W"]) -> Float64[Array, " 2"]:
     """Mean pixel (x, y) of a mask."""
-    return np.argwhere(mask).mean(axis=0)[::-1].astype(np.float64)
+    return np.asarray(np.argwhere(mask).mean(axis=0)[::-1], np.float64)
 
 
 def grown(mask: Bool[Array, "H W"], reach: int) -> Bool[Array, "H W"]:
     """The mask and what lies within `reach` [px] of it."""
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
-
-
-def _merge(patches: list[Bool[Array, "H W"]], owners: list[int], apart: float) -> list[Bool[Array, "H W"]]:
-    """Unite patches of one hand whose centres are near each other."""
-    centres = [centre_of(patch) for patch in patches]
-    merged: list[tuple[int, Bool[Array, "H W"], Float64[Array, " 2"]]] = []
-    for patch, owner, centre in sorted(
-        zip(patches, owners, centres, strict=True), key=lambda item: -int(item[0].sum())
-    ):
-        for index, (other, mask, place) in enumerate(merged):
-            if other == owner and np.linalg.norm(place - centre) < apart:
-                merged[index] = (other, mask | patch, place)
-                break
-        else:
-            merged.append((owner, patch, centre))
-    return [patch for _, patch, _ in merged]

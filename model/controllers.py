@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 from scipy.spatial import cKDTree
 
-from model.contact import centre_of, contact_groups, first_contact, grown, touch_distance
+from model.contact import HANDS, centre_of, contact_groups, grown, later_grip, touch_distance
 from model.errors import InputError
 from model.geodesics import ways_through
 from model.grip_depth import Tethers, constant_depth, paired_scale, smooth_depth, tethered_depth
-from model.grip_motion import GripPath, Track, follow_grip
+from model.grip_motion import GripPath, Track, follow_back, follow_grip, joined
 from model.npz import read_arrays
 from model.types import Array, Calibration, Controllers, Frames, Gaussians, Masks, Tracks
 
@@ -34,12 +34,13 @@ def find_controllers(
 ) -> Controllers:
     """Find the grips of the keyframe and follow them to the end of the clip.
 
-    A grip is a connected contact of hand and object on the keyframe. Up to six points of the object that
-    the fingers enclose move rigidly with it: in the image as tracks on the fingers and beside them say, in
-    depth by the rules of `model.grip_depth`, turning about the optical axis. Where a hand
-    touches the object only later, the contact is followed back along the object's tracks to the keyframe; the
-    points rest there until the hand arrives, then follow it. The object lies still until it is touched, so
-    holding it at rest meanwhile changes nothing.
+    A grip is where a hand touches the object on the keyframe. Up to six points of the object that the
+    fingers enclose move rigidly with it: in the image as tracks on the fingers and beside them say, in depth
+    by the rules of `model.grip_depth`, turning about the optical axis.
+
+    A hand that comes later holds the place it will touch from the start: a twin's controllers hold
+    throughout. Until the hand arrives that place moves as the object itself is seen to move there (not at
+    all while it rests), so holding it changes nothing.
 
     Args:
         frames: The clip.
@@ -49,30 +50,26 @@ def find_controllers(
         gaussians: The object on the keyframe.
         tracker: Follows pixels through (part of) a clip.
     """
-    key, length = masks.keyframe, len(frames.images) - masks.keyframe
-    start = first_contact(masks)
-    if start is None:
-        return _nothing(length)
-    notes: list[str] = []
-    if start > key:
-        notes.append(
-            f"controllers: the hand touches the object first on frame {start}; "
-            "it is held at rest there until then"
-        )
-    grips = contact_groups(masks.object[start], masks.hand[start])
-    rest: list[Float64[Array, "c 3"]] = []
-    paths: list[GripPath] = []
-    for patch in grips:
-        place = centre_of(patch)
-        radius = float(np.clip(0.3 * np.sqrt(masks.object[start].sum()), 15.0, 70.0))
-        paths.append(follow_grip(frames, masks, start, place, radius, tracker))
-        rest.append(_held_points(_back_to_keyframe(patch, tracks, start, key), calibration, gaussians))
-    notes += _doubts(paths, start)
-    motions = _lift(paths, rest, tracks, calibration, gaussians, key, start)
-    still = [np.repeat(points[None], start - key, axis=0) for points in rest]
-    moving = [np.concatenate([before, after]) for before, after in zip(still, motions, strict=True)]
+    key = masks.keyframe
+    found = [(key, patch) for patch in contact_groups(masks.object[key], masks.hand[key])]
+    paths = [_path(frames, masks, start, patch, tracker) for start, patch in found]
+    while len(found) < HANDS:
+        later = later_grip(masks, key, [path.position for path in paths])
+        if later is None:
+            break
+        found.append(later)
+        paths.append(_path(frames, masks, *later, tracker))
+    if not found:
+        warning = "controllers: nothing holds the object; it will fall or rest"
+        empty = np.zeros((len(frames.images) - key, 0, 3), np.float32)
+        return Controllers(empty, np.zeros(0, int), (warning,))
+    rest = [
+        _held_points(_moved(patch, path.position[0] - path.position[start - key]), calibration, gaussians)
+        for (start, patch), path in zip(found, paths, strict=True)
+    ]
+    motion = np.concatenate(_lift(paths, rest, tracks, calibration, gaussians, key), axis=1)
     group = np.repeat(np.arange(len(rest)), [len(points) for points in rest])
-    return Controllers(np.concatenate(moving, axis=1).astype(np.float32), group, tuple(notes))
+    return Controllers(motion.astype(np.float32), group, tuple(_doubts(found, paths, key)))
 
 
 def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
@@ -127,41 +124,45 @@ def _times_of(
     return seconds
 
 
-def _nothing(length: int) -> Controllers:
-    warning = "controllers: nothing holds the object; it will fall or rest"
-    return Controllers(np.zeros((length, 0, 3), np.float32), np.zeros(0, int), (warning,))
+def _path(frames: Frames, masks: Masks, start: int, patch: Bool[Array, "H W"], tracker: Track) -> GripPath:
+    """The grip that is at `patch` on frame `start`, from the keyframe to the end."""
+    place = centre_of(patch)
+    radius = float(np.clip(0.3 * np.sqrt(masks.object[start].sum()), 15.0, 70.0))
+    after = follow_grip(frames, masks, start, place, radius, tracker)
+    if start == masks.keyframe:
+        return after
+    return joined(follow_back(frames, masks, start, place, radius, tracker), after)
 
 
-def _doubts(paths: list[GripPath], start: int) -> list[str]:
-    """What the reader should know about the paths."""
+def _doubts(found: list[tuple[int, Bool[Array, "H W"]]], paths: list[GripPath], key: int) -> list[str]:
+    """What the reader should know about the grips."""
     notes = []
-    for index, path in enumerate(paths):
+    for index, ((start, _), path) in enumerate(zip(found, paths, strict=True)):
+        if start > key:
+            notes.append(
+                f"controllers: hand {index} touches the object first on frame {start}; "
+                "until then the place it will touch follows the object"
+            )
         lost = 1.0 - path.tracked.mean()
         if lost > 0.2:
-            notes.append(f"controllers: grip {index} followed by the masks alone in {lost:.0%} of the frames")
+            notes.append(f"controllers: hand {index} followed by the masks alone in {lost:.0%} of the frames")
+        if len(path.touching) < RELEASE:
+            continue
         apart = np.convolve(~path.touching, np.ones(RELEASE), "valid") >= RELEASE
-        if len(path.touching) >= RELEASE and apart.any():
-            notes.append(
-                f"controllers: hand {index} seems to let go on frame {start + int(np.argmax(apart))}; "
-                "the replay holds on"
-            )
+        if apart.any():
+            frame = key + int(np.argmax(apart))
+            notes.append(f"controllers: hand {index} seems to let go on frame {frame}; the replay holds on")
     return notes
 
 
-def _back_to_keyframe(patch: Bool[Array, "H W"], tracks: Tracks, start: int, key: int) -> Bool[Array, "H W"]:
-    """The patch of frame `start` where it was on the keyframe: moved as the tracks nearest to it."""
-    if start == key or tracks.points.shape[1] == 0:
-        return patch
-    now, before = tracks.points[start], tracks.points[key]
-    near = np.argsort(((now - centre_of(patch)) ** 2).sum(axis=1), kind="stable")[:10]
-    shift = np.round(np.median(before[near] - now[near], axis=0)).astype(int)
+def _moved(patch: Bool[Array, "H W"], shift: Float64[Array, " 2"]) -> Bool[Array, "H W"]:
+    """The patch moved by (x, y) [px]; what leaves the image stays at its border."""
     rows, columns = np.nonzero(patch)
     height, width = patch.shape
-    rows = np.clip(rows + shift[1], 0, height - 1)
-    columns = np.clip(columns + shift[0], 0, width - 1)
-    moved = np.zeros_like(patch)
-    moved[rows, columns] = True
-    return moved
+    result = np.zeros_like(patch)
+    rows = np.clip(rows + round(float(shift[1])), 0, height - 1)
+    result[rows, np.clip(columns + round(float(shift[0])), 0, width - 1)] = True
+    return result
 
 
 def _held_points(
@@ -200,9 +201,8 @@ def _lift(
     calibration: Calibration,
     gaussians: Gaussians,
     key: int,
-    start: int,
 ) -> list[Float64[Array, "T c 3"]]:
-    """The grips' points in the world, from the first contact on."""
+    """The grips' points in the world, from the keyframe on."""
     camera = calibration.camera
     centres = [points.mean(axis=0) for points in rest]
     pixels = [
@@ -210,7 +210,7 @@ def _lift(
         for centre, path in zip(centres, paths, strict=True)
     ]
     depths = [constant_depth(seen, centre, calibration) for seen, centre in zip(pixels, centres, strict=True)]
-    places, resting = _resting_places(tracks, calibration, gaussians, key, start)
+    places, resting = _resting_places(tracks, calibration, gaussians, key)
     ways = ways_through(gaussians, np.stack(centres), np.concatenate([places, np.stack(centres)]))
     for index, seen in enumerate(pixels):
         tethers = Tethers(places, ways[index, : len(places)], resting)
@@ -238,10 +238,10 @@ def _turned(
 
 
 def _resting_places(
-    tracks: Tracks, calibration: Calibration, gaussians: Gaussians, key: int, start: int
+    tracks: Tracks, calibration: Calibration, gaussians: Gaussians, key: int
 ) -> tuple[Float64[Array, "M 3"], Bool[Array, "T M"]]:
     """Places of the object under tracks, and until when each has not moved since the keyframe."""
-    count = len(tracks.points) - start
+    count = len(tracks.points) - key
     if calibration.ground_height is None or tracks.points.shape[1] == 0:
         return np.zeros((0, 3)), np.zeros((count, 0), bool)
     pixels, depth = calibration.camera.project(gaussians.means)
@@ -251,4 +251,4 @@ def _resting_places(
     front = near[np.arange(len(near)), np.argmin(depth[near], axis=1)]
     moved = np.linalg.norm(tracks.points[key:] - tracks.points[key], axis=2)
     quiet = np.logical_and.accumulate((moved < STILL) & tracks.visible[key:], axis=0)
-    return gaussians.means[front].astype(np.float64), quiet[start - key :]
+    return gaussians.means[front].astype(np.float64), quiet

@@ -53,7 +53,7 @@ def constant_depth(
     if calibration.ground_height is None:
         return depth
     floor = max(float(start[2]), calibration.ground_height)
-    return np.minimum(depth, _depth_on_plane(camera, pixels, floor))
+    return np.asarray(np.minimum(depth, _depth_on_plane(camera, pixels, floor)), np.float64)
 
 
 def tethered_depth(

@@ -87,6 +87,41 @@ def follow_grip(
     return GripPath(smoothed(position), smoothed(angle[:, None])[:, 0], tracked, touching)
 
 
+def follow_back(
+    frames: Frames,
+    masks: Masks,
+    start: int,
+    anchor: Float64[Array, " 2"],
+    radius: float,
+    tracker: Track,
+) -> GripPath:
+    """Where the place that is touched on frame `start` was before, from the keyframe to `start`.
+
+    Nobody holds it yet, so only pixels of the object are followed; the median of what is seen counts.
+    """
+    window = slice(masks.keyframe, start + 1)
+    count = start + 1 - masks.keyframe
+    clip = Frames(frames.images[window], frames.times[window], frames.name, frames.sha256)
+    tracks = tracker(clip, _spread(masks.object[start], anchor, radius, 40), count - 1)
+    position, tracked = np.tile(anchor, (count, 1)), np.ones(count, bool)
+    for index in range(count - 2, -1, -1):
+        seen = tracks.visible[index]
+        tracked[index] = seen.sum() >= _FEWEST
+        shift = np.median(tracks.points[index, seen] - tracks.points[-1, seen], axis=0) if seen.any() else 0.0
+        position[index] = anchor + shift if tracked[index] else position[index + 1]
+    return GripPath(smoothed(position[::-1])[::-1].copy(), np.zeros(count), tracked, np.ones(count, bool))
+
+
+def joined(before: GripPath, after: GripPath) -> GripPath:
+    """One path of two; the last frame of the first is the first of the second."""
+    return GripPath(
+        np.concatenate([before.position[:-1], after.position]),
+        np.concatenate([before.angle[:-1], after.angle]),
+        np.concatenate([before.tracked[:-1], after.tracked]),
+        np.concatenate([before.touching[:-1], after.touching]),
+    )
+
+
 def smoothed(values: Float[Array, "T n"]) -> Float64[Array, "T n"]:
     """Savitzky-Golay in time; the first row stays what it is."""
     window = min(_SMOOTH, len(values) - 1 + len(values) % 2)
