@@ -1,6 +1,5 @@
 """A video file, or a folder of numbered images, becomes Frames: bounded, upright, in order."""
 
-import hashlib
 import re
 import struct
 from collections.abc import Iterator
@@ -13,23 +12,24 @@ import av.container
 import av.error
 import av.stream
 import av.video
-import cv2
+import av.video.frame
+import av.video.stream
 import numpy as np
+from av.sidedata.sidedata import SideData
 from jaxtyping import UInt8
 
 from model.errors import InputError
+from model.frame_keeper import FrameKeeper, check_duration, check_size, sha256_of
+from model.image_folder import read_folder
 from model.types import Array, Frames
 
 CONTAINERS: Final = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,flv"
 """libavformat's names of what we open: no playlists, no concatenations, no image readers, no network."""
 VIDEO_SUFFIXES: Final = ".mp4, .mov, .mkv, .webm or .avi"
-IMAGE_SUFFIXES: Final = (".png", ".jpg", ".jpeg")
 
 MAX_FRAMES: Final = 300
 MAX_PIXELS: Final = 4096 * 2304
 MAX_SECONDS: Final = 60.0
-WORKING_SIDE: Final = 960
-"""Longest side of a decoded frame [px]; larger ones are reduced to it."""
 
 
 @dataclass(frozen=True)
@@ -85,82 +85,24 @@ def read_video(
     """
     path = Path(path)
     if path.is_dir():
-        return _read_folder(path, max_frames, max_pixels, max_seconds, fps)
+        return read_folder(path, max_frames, max_pixels, max_seconds, fps)
     path = _existing_file(path)
     with _opened(path) as container:
         stream = _video_stream(container, path)
         info = _info(container, stream)
-        _check_size(path, info.width, info.height, max_pixels)
-        _check_duration(path, max(info.duration, info.frame_count / info.fps), max_seconds)
+        check_size(path, info.width, info.height, max_pixels)
+        check_duration(path, max(info.duration, info.frame_count / info.fps), max_seconds)
         _check_complete(path, container, stream)
-        keeper = _Keeper(max_frames, stride=-(-info.frame_count // max_frames))
+        keeper = FrameKeeper(max_frames, stride=-(-info.frame_count // max_frames))
         end = 0.0
         for index, frame in enumerate(_decoded(container, stream, path, info, max_pixels)):
             time = index / info.fps if frame.time is None else float(frame.time)
             end = time + 1.0 / info.fps
-            _check_duration(path, end - keeper.start(time), max_seconds)
+            check_duration(path, end - keeper.start(time), max_seconds)
             if keeper.wants(time):
-                keeper.keep(_upright(frame, stream), time)
+                keeper.keep(_upright(frame), time, _pixel_aspect(frame, stream))
         _check_reached_end(path, container, stream, end, keeper.seen, info)
-    return keeper.frames(path, _sha256([path]))
-
-
-class _Keeper:
-    """Collects frames up to a count; when there are more, drops every other one and goes on."""
-
-    def __init__(self, limit: int, stride: int) -> None:
-        self.limit, self.stride, self.seen = limit, max(1, stride), 0
-        self.images: list[UInt8[Array, "H W 3"]] = []
-        self.times: list[float] = []
-        self.origin: float | None = None
-        self.last: float | None = None
-        self.unordered = 0
-
-    def start(self, time: float) -> float:
-        """The time of the first frame [s]."""
-        if self.origin is None:
-            self.origin = time
-        return self.origin
-
-    def wants(self, time: float) -> bool:
-        """Whether the frame shown at `time` [s] is to be kept; counts it either way."""
-        if self.last is not None and time <= self.last:
-            self.unordered += 1  # a repeated time stamp shows nothing new
-            return False
-        self.last = time
-        self.seen += 1
-        return (self.seen - 1) % self.stride == 0
-
-    def keep(self, image: UInt8[Array, "H W 3"], time: float) -> None:
-        """Keep a frame."""
-        if len(self.images) == self.limit:
-            self.images, self.times = self.images[::2], self.times[::2]
-            self.stride *= 2
-            if (self.seen - 1) % self.stride:
-                return
-        self.images.append(image)
-        self.times.append(time)
-
-    def frames(self, path: Path, sha256: str) -> Frames:
-        """The record of everything kept."""
-        if len(self.images) < 2:
-            raise InputError(f"{path.name}: {self.seen} frame(s) found; motion needs at least 2")
-        if len({image.shape for image in self.images}) > 1:
-            raise InputError(f"{path.name}: the frame size changes within the clip; encode it in one size")
-        warnings = []
-        if self.stride > 1:
-            warnings.append(
-                f"{self.seen} frames are more than the {self.limit} we keep: "
-                f"every {_ordinal(self.stride)} was used"
-            )
-        if self.unordered:
-            warnings.append(f"{self.unordered} frame(s) with a repeated time stamp were dropped")
-        times = np.asarray(self.times, np.float64)
-        return Frames(np.stack(self.images), times - times[0], path.name, sha256, tuple(warnings))
-
-
-def _ordinal(number: int) -> str:
-    return {2: "2nd", 3: "3rd"}.get(number, f"{number}th")
+    return keeper.frames(path, sha256_of([path]))
 
 
 def _existing_file(path: Path) -> Path:
@@ -218,22 +160,6 @@ def _duration(container: av.container.InputContainer, stream: av.video.stream.Vi
     return container.duration / av.time_base if container.duration else 0.0
 
 
-def _check_size(path: Path, width: int, height: int, max_pixels: int) -> None:
-    if width * height > max_pixels:
-        raise InputError(
-            f"{path.name}: {width}×{height} pixels are more than the {max_pixels / 1e6:.1f} million "
-            "we decode; reduce its size first"
-        )
-
-
-def _check_duration(path: Path, seconds: float, max_seconds: float) -> None:
-    if seconds > max_seconds + 1e-6:
-        raise InputError(
-            f"{path.name}: {seconds:.1f} s are longer than the {max_seconds:g} s we take; "
-            "cut out the part where the object is handled"
-        )
-
-
 def _broken_off(path: Path, have: int, total: int) -> InputError:
     # A twin replays the recorded interaction: from a clip that silently lost its end it would learn
     # another interaction than the one recorded, so an incomplete clip is refused, not shortened.
@@ -269,7 +195,9 @@ def _check_reached_end(
     if shared or not info.duration or "mp4" in container.format.name:
         return  # the sound may be longer than the pictures; an MP4 was checked by its index
     start = float((stream.start_time or 0) * stream.time_base) if stream.time_base else 0.0
-    if info.duration - (end - min(start, 0.0)) > max(0.1, 3.0 / info.fps):
+    # A cut-off AVI has lost its index, and with it its duration, but not its count of frames.
+    expected = max(info.duration, stream.frames / info.fps)
+    if expected - (end - min(start, 0.0)) > max(0.1, 3.0 / info.fps):
         raise _broken_off(path, seen, max(info.frame_count, seen + 1))
 
 
@@ -294,13 +222,11 @@ def _decoded(
         raise _broken_off(path, count, max(info.frame_count, count + 1)) from None
 
 
-def _upright(frame: av.video.frame.VideoFrame, stream: av.video.stream.VideoStream) -> UInt8[Array, "H W 3"]:
-    """RGB at the working size, square pixels, turned (and mirrored) as the display matrix asks."""
+def _upright(frame: av.video.frame.VideoFrame) -> UInt8[Array, "H W 3"]:
+    """RGB, turned (and mirrored) as the display matrix asks."""
     image = frame.to_ndarray(format="rgb24")
-    aspect = stream.sample_aspect_ratio
-    image = _working_size(image, float(aspect) if aspect else 1.0)
     matrix = frame.side_data.get("DISPLAYMATRIX")
-    if matrix is None:
+    if not isinstance(matrix, SideData):
         return image
     # Row vectors: (x', y') = (x, y) · [[a, b], [c, d]], with nine 16.16 numbers in row order.
     a, b, _, c, d = struct.unpack("=9i", bytes(matrix))[:5]
@@ -311,62 +237,7 @@ def _upright(frame: av.video.frame.VideoFrame, stream: av.video.stream.VideoStre
     return np.ascontiguousarray(image[:: -1 if flip_y else 1, :: -1 if flip_x else 1])
 
 
-def _working_size(image: UInt8[Array, "H W 3"], pixel_aspect: float = 1.0) -> UInt8[Array, "h w 3"]:
-    height, width = image.shape[:2]
-    shown = width * pixel_aspect
-    scale = min(1.0, WORKING_SIDE / max(shown, height))
-    if scale == 1.0 and pixel_aspect == 1.0:
-        return image
-    size = tuple(max(2, 2 * round(side * scale / 2)) for side in (shown, height))
-    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-def _sha256(paths: list[Path]) -> str:
-    digest = hashlib.sha256()
-    for path in paths:
-        with path.open("rb") as file:
-            while block := file.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
-
-
-def _read_folder(path: Path, max_frames: int, max_pixels: int, max_seconds: float, fps: float) -> Frames:
-    numbered = [
-        (int(numbers[-1]), file)
-        for file in sorted(path.iterdir())
-        if file.suffix.lower() in IMAGE_SUFFIXES and (numbers := re.findall(r"\d+", file.stem))
-    ]
-    if not numbered:
-        raise InputError(f"{path}: the folder holds no numbered PNG or JPEG images")
-    if len({number for number, _ in numbered}) < len(numbered):
-        raise InputError(f"{path}: two images of the folder carry the same number")
-    files = [file for _, file in sorted(numbered)]
-    _check_duration(path, len(files) / fps, max_seconds)
-    for file in files:
-        width, height = _image_size(file)
-        _check_size(file, width, height, max_pixels)
-    keeper = _Keeper(max_frames, stride=-(-len(files) // max_frames))
-    for index, file in enumerate(files):
-        if keeper.wants(index / fps):
-            image = cv2.imread(str(file), cv2.IMREAD_COLOR)
-            if image is None:
-                raise InputError(f"{file}: a damaged image")
-            keeper.keep(_working_size(np.asarray(image[:, :, ::-1], np.uint8)), index / fps)
-    return keeper.frames(path, _sha256(files))
-
-
-def _image_size(file: Path) -> tuple[int, int]:
-    """Width and height from the header of a PNG or a JPEG [px]."""
-    with file.open("rb") as stream:
-        head = stream.read(24)
-        if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) == 24:
-            width, height = struct.unpack(">II", head[16:24])
-            return width, height
-        stream.seek(2)
-        while head[:2] == b"\xff\xd8" and len(marker := stream.read(4)) == 4 and marker[0] == 0xFF:
-            kind, length = marker[1], int.from_bytes(marker[2:], "big")
-            if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):  # start of frame
-                height, width = struct.unpack(">xHH", stream.read(5))
-                return width, height
-            stream.seek(length - 2, 1)
-    raise InputError(f"{file}: not a PNG or JPEG image")
+def _pixel_aspect(frame: av.video.frame.VideoFrame, stream: av.video.stream.VideoStream) -> float:
+    """Width over height of a pixel of the upright picture."""
+    aspect = float(stream.sample_aspect_ratio or 1) or 1.0
+    return 1 / aspect if frame.rotation % 180 == 90 else aspect

@@ -191,14 +191,14 @@ class Contrast:
             codes.append(self.codes(to_lab(images[index]), texture[index])[window].ravel())
             # What looks like a shadow is believed to be object only well within the mask.
             depth = signed_distance(mask)
-            sure = ((prior[codes[-1]].reshape(mask.shape) > -0.3) & (depth > 2)) | (depth > 8)
+            sure = ((prior[codes[-1]].reshape(mask.shape) > 0.3) & (depth > 2)) | (depth > 8)
             inside.append((mask & sure & ~hand).ravel())
             outside.append((~grown(without_gaps(mask, 6), 1) & ~hand).ravel())
         if not codes:
             return self
         seen = np.concatenate(codes)
         models = [ColorModel.of(seen, np.concatenate(where), SHAPE) for where in (inside, outside)]
-        table = 0.7 * np.clip(log_ratio(*models), -1.5, 4) + prior
+        table = 0.45 * np.clip(log_ratio(*models), -1.5, 4) + 1.1 * prior
         return Contrast(self.background, self.plain, table.astype(np.float32))
 
     def codes(self, lab: Float32[Array, "H W 3"], texture: UInt8[Array, "H W"]) -> Int32[Array, "H W"]:

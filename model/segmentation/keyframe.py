@@ -145,7 +145,7 @@ def refined(
     distance = signed_distance(seed)
     codes = contrast.codes(lab, texture)
     odds = np.clip(contrast.odds(codes), -3, 3)
-    evidence = odds + np.clip(distance / 4, -1.5, 0.5) - 3.0 * hand
+    evidence = odds + np.clip(distance / 4, -1.5, 0.5) - 0.2 - 3.0 * hand
     weights = edge_weights(lab, 3.0)
     u = min_cut(evidence.astype(np.float32), *weights, seed.astype(np.float32), 80)
     # White fur on a white table does not tell; where the rest of the object encloses it, believe the seed.

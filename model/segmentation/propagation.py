@@ -120,7 +120,7 @@ class _Carrier:
             codes = self.contrast.codes(lab, self.texture[now])[window]
             doubt = self.contrast.doubt(codes)
             odds = np.clip(self.contrast.odds(codes), -4, 4)
-            evidence = 0.5 * color + odds + (0.3 + 0.5 * doubt) * place - 0.7
+            evidence = 0.3 * color + odds + (0.3 + 0.5 * doubt) * place - 0.8
         evidence = (evidence - 2.5 * (hand & (prior[window] < 0.9))).astype(np.float32)
         u = min_cut(evidence, *edge_weights(near, 3.0), prior[window], 40)
         mask = (u > 0.5) & ~(hand & (prior[window] < 0.5))
