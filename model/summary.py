@@ -57,6 +57,9 @@ def print_twin(twin: TwinBundle) -> None:
         for name, entry in twin.parameters.globals.items()
     ]
     _print(console, "Parameters", ("name", "value", "unit", "source", "std"), rows)
+    if twin.manifest.metrics:
+        metrics = [(name, _value(value)) for name, value in twin.manifest.metrics.items()]
+        _print(console, "Metrics", ("name", "value"), metrics)
     if twin.effects:
         effects = [(effect.name, str(effect.parameters)) for effect in twin.effects]
         _print(console, "Effects", ("name", "parameters"), effects)
@@ -114,7 +117,6 @@ def _overview(twin: TwinBundle, facts: Mapping[str, Any]) -> list[tuple[str, str
         ("controls", f"{counts['control_frames']} frames" if counts["control_frames"] else "none"),
         ("preview", "none" if twin.preview is None else f"{len(twin.preview) / 1e6:.2f} MB"),
     ]
-    rows += [(name, _value(value)) for name, value in manifest.metrics.items()]
     return [(name, str(value)) for name, value in rows if value not in (None, "")]
 
 
@@ -125,7 +127,7 @@ def _part(part: PartRecord) -> tuple[str, ...]:
     return (
         str(part.label),
         ", ".join(f"{name} {share:.0%}" for name, share in likely),
-        f"{springs.mean:.3g} ± {springs.std:.2g} N/m" if known and springs else "",
+        f"{springs.mean:.3g} ± {springs.std:.3g} N/m" if known and springs else "",
         "" if size is None else str(size.points),
         "" if size is None or size.mass is None else f"{1e3 * size.mass:.3g} g",
         "" if size is None or size.extent is None else _extent(size.extent),

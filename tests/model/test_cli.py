@@ -386,6 +386,23 @@ class TestInspect:
             assert word in outcome.stdout
         assert "\x1b" not in outcome.stdout
 
+    def test_stages_metrics_effects_and_warnings(self, run, write_twin):
+        stage = {
+            "name": "tracking",
+            "method": "opencv",
+            "version": "1",
+            "seconds": 1.5,
+            "warnings": ["blurred"],
+        }
+        manifest = {"schema": "matphys.twin/1", "stages": [stage], "warnings": ["tracking: blurred"]}
+        manifest["metrics"] = {"keyframe_iou": 0.98765, "overlap": [0.5, 0.7]}
+        effects = [{"name": "wind", "parameters": {"speed": {"value": 1.5, "unit": "m/s"}}}]
+        contents = {"twin.json": json.dumps(manifest).encode(), "effects.json": json.dumps(effects).encode()}
+        outcome = run("inspect", write_twin(files=contents))
+        assert outcome.code == 0
+        for words in ("opencv", "1.50", "0.9877", "mean 0.6 over 2", "wind", "tracking: blurred"):
+            assert words in outcome.stdout
+
     def test_json(self, run, twin_path: Path, tensors):
         result = json.loads(run("inspect", twin_path, "--json").stdout)
         assert result["schema"] == "matphys.twin/1"
