@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from model.simulator.kernel.trace import Expression, Graph, ordered
+from model.simulator.kernel.expression import Expression
+from model.simulator.kernel.graph import Graph, ordered
 
 
 def pullback(

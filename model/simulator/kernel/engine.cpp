@@ -6,13 +6,19 @@
 // do not depend on the number of threads. Vector extensions only: any CPU that GCC or clang compiles for.
 //
 // Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size,
-// and the macros GROUND, SPRINGS and CONTROLLERS. The traced laws take the place of the line that says so.
+// and the macros SINGLE, GROUND, SPRINGS and CONTROLLERS. The traced laws take the place of the line that says so.
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#ifdef _OPENMP
 #include <omp.h>
+#else
+static int omp_get_thread_num() { return 0; }
+static int omp_get_num_threads() { return 1; }
+#endif
 
-#define INLINE static inline __attribute__((always_inline))
+#define LAW inline __attribute__((always_inline))
+#define INLINE static LAW
 
 enum { W = 8, ROW = 8, SHORT = 4 };
 typedef R V __attribute__((vector_size(W * sizeof(R))));
@@ -24,9 +30,9 @@ static const R SHORTEST_SQUARED = R(1e-24), SLOWEST = R(1e-12);
 
 // Mirrored by `Frame` in call.py. Pointers to a value per slot hold W values per slot row.
 struct Frame {
-  int64_t slices, controllers, count, first, steps, ring;
+  int64_t slices, controllers, count, first, steps, ring, keep;  // keep: memory of every substep, not of the last
   double dt, interval;
-  const int64_t *partition;                                  // [threads + 1] slices
+  const int64_t *partition;                                  // [threads]: first slice of each
   const int64_t *spring_start, *controller_start;            // [slices + 1] slot rows
   const int32_t *spring_offset, *controller_offset;          // per slot: where the other end's row begins
   int64_t spring_rows, controller_rows;                      // slot rows in all
@@ -39,7 +45,7 @@ struct Frame {
   R *const *memory;                                          // per slot: [ring or 1][slot rows][W]
   // the adjoint
   R *adjoint;                                                // [slice][6][W]: of the state, in and out
-  R *pulls[2];                                               // [row][4]: of the net force
+  R *pulls[2];                                               // [row][8], half filled: of the net force
   R *const *memory_adjoint;                                  // per slot, in and out
   R *const *edge_gradient;                                   // per slot; null where not wanted
   R *const *scene_gradient;                                  // per point; null where not wanted
@@ -74,13 +80,21 @@ static __attribute__((noinline)) V power(V a, V b) {
 #define EVEN(a, b) PICK(a, b, 0, 1, 8, 9, 4, 5, 12, 13)
 #define ODD(a, b) PICK(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
 INLINE V join(H a, H b) { return PICK(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
+#if SINGLE && defined(__AVX__) && !defined(__clang__)
+// Said plainly, GCC loads the second half first and then shuffles: one operation more on the busiest units.
+INLINE V pair(const R *a, const R *b) {
+  return __builtin_ia32_vinsertf128_ps256(__builtin_ia32_ps256_ps(load_short(a)), load_short(b), 1);
+}
+#else
+INLINE V pair(const R *a, const R *b) { return join(load_short(a), load_short(b)); }
+#endif
 
 // The first four entries of eight rows, by lane.
-INLINE void quad(const R *rows, const int32_t *at, int shift, V &a, V &b, V &c, V &d) {
-  V q0 = join(load_short(rows + (at[0] >> shift)), load_short(rows + (at[4] >> shift)));
-  V q1 = join(load_short(rows + (at[1] >> shift)), load_short(rows + (at[5] >> shift)));
-  V q2 = join(load_short(rows + (at[2] >> shift)), load_short(rows + (at[6] >> shift)));
-  V q3 = join(load_short(rows + (at[3] >> shift)), load_short(rows + (at[7] >> shift)));
+INLINE void quad(const R *rows, const int32_t *at, V &a, V &b, V &c, V &d) {
+  V q0 = pair(rows + at[0], rows + at[4]);
+  V q1 = pair(rows + at[1], rows + at[5]);
+  V q2 = pair(rows + at[2], rows + at[6]);
+  V q3 = pair(rows + at[3], rows + at[7]);
   V l0 = LOW(q0, q1), l1 = LOW(q2, q3), h0 = HIGH(q0, q1), h1 = HIGH(q2, q3);
   a = EVEN(l0, l1); b = ODD(l0, l1); c = EVEN(h0, h1); d = ODD(h0, h1);
 }
@@ -88,8 +102,8 @@ INLINE void quad(const R *rows, const int32_t *at, int shift, V &a, V &b, V &c, 
 // Positions and velocities of eight rows, by lane.
 INLINE void gather(const R *rows, const int32_t *at, V out[6]) {
   V unused0, unused1;
-  quad(rows, at, 0, out[0], out[1], out[2], out[3]);
-  quad(rows + SHORT, at, 0, out[4], out[5], unused0, unused1);
+  quad(rows, at, out[0], out[1], out[2], out[3]);
+  quad(rows + SHORT, at, out[4], out[5], unused0, unused1);
 }
 
 static const int32_t NEXT[W] = {0, ROW, 2 * ROW, 3 * ROW, 4 * ROW, 5 * ROW, 6 * ROW, 7 * ROW};
@@ -108,22 +122,38 @@ INLINE void scatter(R *rows, const V in[8]) {
   }
 }
 
-struct Edge { V d[3], n[3], length, inverse, rate, w[3]; };
+INLINE void store_short(R *p, V a) {
+  H low = PICK(a, a, 0, 1, 2, 3), high = PICK(a, a, 4, 5, 6, 7);
+  memcpy(p, &low, sizeof low);
+  memcpy(p + 4 * ROW, &high, sizeof high);
+}
+
+// Four vectors as the first halves of eight rows.
+INLINE void scatter_short(R *rows, const V in[4]) {
+  V l0 = LOW(in[0], in[1]), h0 = HIGH(in[0], in[1]), l1 = LOW(in[2], in[3]), h1 = HIGH(in[2], in[3]);
+  store_short(rows, EVEN(l0, l1));
+  store_short(rows + ROW, ODD(l0, l1));
+  store_short(rows + 2 * ROW, EVEN(h0, h1));
+  store_short(rows + 3 * ROW, ODD(h0, h1));
+}
+
+struct Edge { V d[3], w[3], length, inverse, rate; };
 
 // An edge without a direction pulls nowhere; a slot that only fills its slice up is one, from a point to itself.
-INLINE Edge edge(const V me[6], const V other[6]) {
+// It is taken to be at rest, where every law is finite.
+INLINE Edge edge(const V me[6], const V other[6], V rest) {
   Edge e;
   V square = splat(0);
   for (int k = 0; k < 3; ++k) { e.d[k] = other[k] - me[k]; square += e.d[k] * e.d[k]; }
   M directed = square > SHORTEST_SQUARED;
-  e.length = root(directed ? square : splat(1));
+  e.length = directed ? root(square) : rest;
   e.inverse = directed ? 1 / e.length : splat(0);
-  e.rate = splat(0);
+  V along = splat(0);
   for (int k = 0; k < 3; ++k) {
-    e.n[k] = e.d[k] * e.inverse;
     e.w[k] = other[3 + k] - me[3 + k];
-    e.rate += e.w[k] * e.n[k];
+    along += e.w[k] * e.d[k];
   }
+  e.rate = along * e.inverse;
   return e;
 }
 
@@ -135,9 +165,9 @@ INLINE void pull(const Law &law, const int32_t *offset, int64_t begin, int64_t e
   for (int64_t slot = begin; slot < end; ++slot) {
     V other[6];
     gather(rows, offset + W * slot, other);
-    Edge e = edge(me, other);
-    V tension = law.tension(slot, e.length, e.rate);
-    for (int k = 0; k < 3; ++k) force[k] += tension * e.n[k];
+    Edge e = edge(me, other, law.rest(slot));
+    V scaled = law.tension(slot, e.length, e.rate) * e.inverse;
+    for (int k = 0; k < 3; ++k) force[k] += scaled * e.d[k];
   }
 }
 
@@ -156,6 +186,7 @@ INLINE void place(const Frame &f, int64_t substep, R *rows) {
 
 static void advance(const Frame &f, int thread, int threads) {
   const int64_t stride = ROW * (W * f.slices + f.controllers);
+  const int64_t begin = f.partition[thread], end = thread + 1 < threads ? f.partition[thread + 1] : f.slices;
   const V dt = splat(R(f.dt));
   if (thread == 0) place(f, f.first, f.rows);
   if (threads > 1) {
@@ -166,7 +197,7 @@ static void advance(const Frame &f, int thread, int threads) {
     R *to = f.rows + stride * ((step + 1) % f.ring);
     const Springs springs(f, step);
     const Controllers controllers(f, step);
-    for (int64_t slice = f.partition[thread]; slice < f.partition[thread + 1]; ++slice) {
+    for (int64_t slice = begin; slice < end; ++slice) {
       V me[6], force[3] = {splat(0), splat(0), splat(0)};
       gather(from + ROW * W * slice, NEXT, me);
       if (SPRINGS)
@@ -206,8 +237,8 @@ static void advance(const Frame &f, int thread, int threads) {
 INLINE void local(const Frame &f, int64_t slice, const R *after, V xbar[3], V vbar[3], R *pulls) {
   const V dt = splat(R(f.dt)), mobility = load(f.inverse_mass + W * slice), factor = load(f.factor + W * slice);
   V now[6], approach, kept, unused0, unused1, ubar[3], u[3];
-  quad(after + ROW * W * slice, NEXT, 0, unused0, unused1, now[2], now[3]);
-  quad(after + ROW * W * slice + SHORT, NEXT, 0, now[4], now[5], approach, kept);
+  quad(after + ROW * W * slice, NEXT, unused0, unused1, now[2], now[3]);
+  quad(after + ROW * W * slice + SHORT, NEXT, now[4], now[5], approach, kept);
   for (int k = 0; k < 3; ++k) { ubar[k] = vbar[k] + dt * xbar[k]; u[k] = now[3 + k]; }
   if (GROUND) {
     const V mu = load(f.friction + W * slice), e = load(f.restitution + W * slice), zero = splat(0);
@@ -231,14 +262,13 @@ INLINE void local(const Frame &f, int64_t slice, const R *after, V xbar[3], V vb
   }
   if (f.factor_gradient)
     accumulate(f.factor_gradient + W * slice, (ubar[0] * u[0] + ubar[1] * u[1] + ubar[2] * u[2]) / factor);
-  V out[4];
+  V out[4] = {splat(0), splat(0), splat(0), splat(0)};
   for (int k = 0; k < 3; ++k) {
     vbar[k] = ubar[k] * factor;
     if (f.gravity_gradient) accumulate(f.gravity_gradient + W * (3 * slice + k), dt * vbar[k]);
     out[k] = vbar[k] * dt * mobility;
   }
-  for (int i = 0; i < W; ++i)
-    for (int k = 0; k < 3; ++k) pulls[SHORT * (W * slice + i) + k] = out[k][i];
+  scatter_short(pulls + ROW * W * slice, out);
 }
 
 // `other` may be a controller, on which nothing acts: `free` says whether the pull is on both ends.
@@ -247,33 +277,37 @@ INLINE void pull_back(Law &law, const int32_t *offset, int64_t begin, int64_t en
                       const V me[6], const V mine[3], V force[3], V xbar[3], V vbar[3], R *held, int64_t held_stride,
                       V share, V pace) {
   for (int64_t slot = begin; slot < end; ++slot) {
-    V other[6], pulled[3], lengthbar, ratebar, tensionbar = splat(0), unused;
+    V other[6], pulled[3], lengthbar, ratebar, along = splat(0), unused;
     gather(rows, offset + W * slot, other);
-    if (free) quad(pulls, offset + W * slot, 1, pulled[0], pulled[1], pulled[2], unused);
-    Edge e = edge(me, other);
+    if (free) quad(pulls, offset + W * slot, pulled[0], pulled[1], pulled[2], unused);
+    Edge e = edge(me, other, law.rest(slot));
     for (int k = 0; k < 3; ++k) {
       pulled[k] = free ? mine[k] - pulled[k] : mine[k];
-      tensionbar += pulled[k] * e.n[k];
+      along += pulled[k] * e.d[k];
     }
+    V tensionbar = along * e.inverse;
     V tension = law.pull_back(slot, e.length, e.rate, tensionbar, lengthbar, ratebar);
-    V along = lengthbar - e.inverse * (tension * tensionbar + ratebar * e.rate);
+    // f = (T/l) d, l' = w·d/l: what each passes on to d and w, split into parts along d, `pulled` and w.
+    V scaled = tension * e.inverse, paced = ratebar * e.inverse;
+    V axial = (lengthbar - scaled * tensionbar - paced * e.rate) * e.inverse;
     for (int k = 0; k < 3; ++k) {
-      V dbar = e.inverse * (tension * pulled[k] + ratebar * e.w[k]) + e.n[k] * along;
-      V wbar = ratebar * e.n[k];
-      force[k] += tension * e.n[k];
-      xbar[k] -= dbar;
-      vbar[k] -= wbar;
+      force[k] += scaled * e.d[k];
+      vbar[k] -= paced * e.d[k];
       if (!free && held) {
+        V dbar = axial * e.d[k] + scaled * pulled[k] + paced * e.w[k], wbar = paced * e.d[k];
         accumulate(held + held_stride * k + W * slot, (1 - share) * dbar - pace * wbar);
         accumulate(held + held_stride * (3 + k) + W * slot, share * dbar + pace * wbar);
       }
+      xbar[k] -= axial * e.d[k];
+      xbar[k] -= scaled * pulled[k];
+      xbar[k] -= paced * e.w[k];
     }
   }
 }
 
 static void retreat(const Frame &f, int thread, int threads) {
   const int64_t stride = ROW * (W * f.slices + f.controllers), held_stride = W * f.controller_rows;
-  const int64_t begin = f.partition[thread], end = f.partition[thread + 1];
+  const int64_t begin = f.partition[thread], end = thread + 1 < threads ? f.partition[thread + 1] : f.slices;
   for (int64_t slice = begin; slice < end; ++slice) {
     V bar[6];
     for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
@@ -289,10 +323,9 @@ static void retreat(const Frame &f, int thread, int threads) {
     for (int64_t slice = begin; slice < end; ++slice) {
       Springs springs(f, step);
       Controllers controllers(f, step);
-      V me[6], mine[3], bar[6], force[3] = {splat(0), splat(0), splat(0)};
+      V me[6], mine[3], unused, bar[6], force[3] = {splat(0), splat(0), splat(0)};
       gather(rows + ROW * W * slice, NEXT, me);
-      for (int i = 0; i < W; ++i)
-        for (int k = 0; k < 3; ++k) mine[k][i] = pulls[SHORT * (W * slice + i) + k];
+      quad(pulls + ROW * W * slice, NEXT, mine[0], mine[1], mine[2], unused);
       for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
       if (SPRINGS)
         pull_back<true>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,

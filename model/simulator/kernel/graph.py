@@ -6,157 +6,9 @@ Given symbols instead, it leaves behind a graph in which equal subexpressions ar
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias, Union
+from typing import Any
 
-Scalar: TypeAlias = Union["Expression", float, int, bool]
-
-
-class Untraceable(Exception):
-    """A law does something that has no symbol; says what."""
-
-
-class Expression:
-    """One operation on expressions: a node of a `Graph`, in which equal nodes are the same object."""
-
-    __slots__ = ("arguments", "graph", "number", "operation", "value")
-
-    def __init__(
-        self,
-        graph: "Graph",
-        operation: str,
-        arguments: tuple["Expression", ...],
-        value: float | str | None,
-        number: int,
-    ) -> None:
-        """Made by a `Graph` alone; `number` grows along every path from the symbols upwards."""
-        self.graph, self.operation, self.arguments = graph, operation, arguments
-        self.value, self.number = value, number
-
-    def __add__(self, other: Scalar) -> "Expression":
-        return self.graph.add(self, other)
-
-    __radd__ = __add__
-
-    def __neg__(self) -> "Expression":
-        return self.graph.neg(self)
-
-    def __sub__(self, other: Scalar) -> "Expression":
-        return self.graph.sub(self, other)
-
-    def __rsub__(self, other: Scalar) -> "Expression":
-        return self.graph.sub(other, self)
-
-    def __mul__(self, other: Scalar) -> "Expression":
-        return self.graph.mul(self, other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Scalar) -> "Expression":
-        return self.graph.div(self, other)
-
-    def __rtruediv__(self, other: Scalar) -> "Expression":
-        return self.graph.div(other, self)
-
-    def __pow__(self, power: Scalar) -> "Expression":
-        return self.graph.pow(self, power)
-
-    def __rpow__(self, base: Scalar) -> "Expression":
-        return self.graph.pow(base, self)
-
-    def __abs__(self) -> "Expression":
-        return self.graph.abs(self)
-
-    def __lt__(self, other: Scalar) -> "Expression":
-        return self.graph.lt(self, other)
-
-    def __gt__(self, other: Scalar) -> "Expression":
-        return self.graph.gt(self, other)
-
-    def __le__(self, other: Scalar) -> "Expression":
-        return self.graph.le(self, other)
-
-    def __ge__(self, other: Scalar) -> "Expression":
-        return self.graph.ge(self, other)
-
-    def __and__(self, other: "Expression") -> "Expression":
-        return self.graph.logical_and(self, other)
-
-    def __or__(self, other: "Expression") -> "Expression":
-        return self.graph.logical_or(self, other)
-
-    def __invert__(self) -> "Expression":
-        return self.graph.logical_not(self)
-
-    def __bool__(self) -> bool:
-        raise Untraceable("it branches on a value: use torch.where")
-
-    def __getattr__(self, name: str) -> Callable[..., "Expression"]:
-        """Methods that tensors have, `x.exp()`."""
-        if name not in FUNCTIONS:
-            raise Untraceable(f"a symbol has no {name!r}")
-        return lambda *args, **kwargs: _called(name, (self, *args), kwargs)
-
-    @classmethod
-    def __torch_function__(
-        cls,
-        function: Callable[..., Any],
-        types: Sequence[type],
-        args: Sequence[Any] = (),
-        kwargs: Mapping[str, Any] | None = None,
-    ) -> "Expression":
-        """Record `torch.exp(x)` and its like."""
-        return _called(getattr(function, "__name__", str(function)), args, kwargs or {})
-
-
-FUNCTIONS = {
-    "abs": "abs",
-    "add": "add",
-    "clamp": "clamp",
-    "clamp_max": "minimum",
-    "clamp_min": "maximum",
-    "cos": "cos",
-    "detach": "detach",
-    "div": "div",
-    "exp": "exp",
-    "ge": "ge",
-    "gt": "gt",
-    "le": "le",
-    "log": "log",
-    "logical_and": "logical_and",
-    "logical_not": "logical_not",
-    "logical_or": "logical_or",
-    "lt": "lt",
-    "maximum": "maximum",
-    "minimum": "minimum",
-    "mul": "mul",
-    "multiply": "mul",
-    "neg": "neg",
-    "ones_like": "ones_like",
-    "pow": "pow",
-    "reciprocal": "reciprocal",
-    "relu": "relu",
-    "sin": "sin",
-    "sqrt": "sqrt",
-    "square": "square",
-    "sub": "sub",
-    "subtract": "sub",
-    "tanh": "tanh",
-    "true_divide": "div",
-    "where": "where",
-    "zeros_like": "zeros_like",
-}
-"""Torch functions a law may use, and the method of `Graph` that each is."""
-
-
-def _called(name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Expression:
-    if name not in FUNCTIONS:
-        raise Untraceable(f"torch.{name} has no symbol")
-    graph = next(a.graph for a in [*args, *kwargs.values()] if isinstance(a, Expression))
-    try:
-        made: Expression = getattr(graph, FUNCTIONS[name])(*args, **kwargs)
-    except TypeError as error:
-        raise Untraceable(f"torch.{name} is called with arguments that have no symbol ({error})") from error
-    return made
+from model.simulator.kernel.expression import Expression, Scalar, Untraceable
 
 
 class Graph:
@@ -352,9 +204,17 @@ class Graph:
 
     def _made(self, operation: str, *arguments: Expression) -> Expression:
         """The node, or its value where all arguments are numbers."""
+        if operation not in ("and", "or", "not"):
+            first = arguments[:1] if operation == "where" else ()
+            arguments = (*first, *(self.number(a) for a in arguments[len(first) :]))
         if all(a.operation == "constant" for a in arguments):
             return self.constant(PYTHON[operation](*(_number(a) for a in arguments)))
         return self._node(operation, arguments, None)
+
+    def number(self, a: Scalar) -> Expression:
+        """Conditions as 1 and 0, as torch has them in sums and products; all else as it is."""
+        a = self.constant(a)
+        return self.where(a, 1.0, 0.0) if a.operation in CONDITIONS else a
 
     def _node(
         self, operation: str, arguments: tuple[Expression, ...], value: float | str | None
@@ -390,6 +250,8 @@ def evaluate(outputs: Sequence[Expression], symbols: Mapping[str, float]) -> lis
     return [known[output.number] for output in outputs]
 
 
+CONDITIONS = ("and", "le", "lt", "not", "or")
+"""Operations whose value is true or false."""
 PYTHON: Mapping[str, Callable[..., float]] = {
     "abs": abs,
     "add": lambda a, b: a + b,

@@ -1,0 +1,116 @@
+"""Calls into a compiled kernel."""
+
+import ctypes
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import torch
+from torch import Tensor
+
+from model.simulator.kernel.layout import LANES, Layout
+
+SPARSE = 2000
+"""Slot rows below which a second thread costs more than it saves."""
+_P, _L, _D = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+class Frame(ctypes.Structure):
+    """Mirrors `Frame` in engine.cpp, which says what each field is."""
+
+    _fields_ = (
+        *((name, _L) for name in ("slices", "controllers", "count", "first", "steps", "ring", "keep")),
+        ("dt", _D),
+        ("interval", _D),
+        *((name, _P) for name in ("partition", "spring_start", "controller_start")),
+        *((name, _P) for name in ("spring_offset", "controller_offset")),
+        ("spring_rows", _L),
+        ("controller_rows", _L),
+        *((name, _P) for name in ("rows", "before", "after")),
+        *((name, _P) for name in ("inverse_mass", "factor", "restitution", "friction", "height", "gravity")),
+        *((name, _P) for name in ("edge", "scene", "memory", "adjoint")),
+        ("pulls", _P * 2),
+        *((name, _P) for name in ("memory_adjoint", "edge_gradient", "scene_gradient")),
+        *((name, _P) for name in ("inverse_mass_gradient", "factor_gradient")),
+        *((name, _P) for name in ("restitution_gradient", "friction_gradient", "gravity_gradient")),
+        ("held_gradient", _P),
+    )
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Substeps of one frame."""
+
+    dt: float
+    """[s]."""
+    count: int
+    seconds: float
+    """The whole frame [s]."""
+
+
+@dataclass
+class Buffers:
+    """Contiguous tensors whose first dimension is the batch, of one element where all share it."""
+
+    single: dict[str, Tensor] = field(default_factory=dict)
+    """By the field of `Frame`; what is not there is null."""
+    lists: dict[str, Sequence[Tensor | None]] = field(default_factory=dict)
+    """The same for fields that hold one pointer each per constant or variable."""
+
+
+def call(
+    library: ctypes.CDLL,
+    direction: str,
+    layout: Layout,
+    interval: Interval,
+    buffers: Buffers,
+    whole: Mapping[str, int],
+    batch: int,
+) -> None:
+    """Run `forward` or `backward` of a kernel.
+
+    Args:
+        library: The kernel.
+        direction: Which.
+        layout: The graph.
+        interval: Length and number of substeps.
+        buffers: What is read and written.
+        whole: `first`, `steps`, `ring` and `keep`.
+        batch: Elements.
+    """
+    slots = layout.springs.rows + layout.held.rows
+    threads = min(torch.get_num_threads(), batch if batch > 1 else max(1, slots // SPARSE))
+    partition = layout.partition(threads if batch == 1 else 1)
+    frames = (Frame * batch)()
+    alive: list[object] = [partition]
+    for index, frame in enumerate(frames):
+        frame.slices, frame.controllers = layout.slices, layout.controllers
+        frame.dt, frame.count, frame.interval = interval.dt, interval.count, interval.seconds
+        for name, value in whole.items():
+            setattr(frame, name, value)
+        frame.partition = partition.data_ptr()
+        for kind, slots_of in (("spring", layout.springs), ("controller", layout.held)):
+            setattr(frame, f"{kind}_start", slots_of.start.data_ptr())
+            setattr(frame, f"{kind}_offset", slots_of.offset.data_ptr())
+            setattr(frame, f"{kind}_rows", slots_of.rows)
+        for name, tensor in buffers.single.items():
+            if name == "pulls":
+                frame.pulls = (_P * 2)(*(_pointer(part, index) for part in tensor))
+            else:
+                setattr(frame, name, _pointer(tensor, index))
+        for name, tensors in buffers.lists.items():
+            pointers = (_P * max(1, len(tensors)))(*(_pointer(t, index) for t in tensors))
+            alive.append(pointers)
+            setattr(frame, name, ctypes.addressof(pointers))
+    getattr(library, direction)(frames, ctypes.c_int(batch), ctypes.c_int(threads))
+
+
+def slot_rows(layout: Layout) -> int:
+    """Rows of a state: points, then controllers."""
+    return layout.slices * LANES + layout.controllers
+
+
+def _pointer(tensor: Tensor | None, index: int) -> int | None:
+    if tensor is None or not tensor.numel():
+        return None
+    assert tensor.is_contiguous()
+    return tensor.data_ptr() + (index * tensor.stride(0) * tensor.element_size() if len(tensor) > 1 else 0)

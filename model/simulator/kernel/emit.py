@@ -1,0 +1,126 @@
+"""The C++ text of a simulator's kernel: its traced laws in the engine."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import torch
+
+from model.simulator.kernel.groups import Group, Kind, key
+from model.simulator.kernel.text import Statements
+
+TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t")}
+"""The number a kernel computes with, and the whole number of its size."""
+ENGINE = Path(__file__).with_name("engine.cpp")
+KINDS: tuple[Kind, ...] = ("springs", "controllers")
+
+
+def kernel_source(groups: Mapping[Kind, Group], ground: bool, dtype: torch.dtype) -> str:
+    """A whole substep and its adjoint.
+
+    Args:
+        groups: What pulls the springs and the controller springs, where anything does.
+        ground: Whether there is a ground.
+        dtype: float32 or float64.
+    """
+    number, whole = TYPES[dtype]
+    head = [
+        "#include <cstdint>",
+        f"typedef {number} R;",
+        f"typedef {whole} N;",
+        f"#define SINGLE {int(dtype == torch.float32)}",
+        f"#define GROUND {int(ground)}",
+        *(f"#define {kind.upper()} {int(kind in groups)}" for kind in KINDS),
+        "",
+    ]
+    laws, counts = list[str](), (0, 0, 0)
+    for kind in KINDS:
+        struct = _Struct(kind)
+        if kind in groups:
+            counts = _fill(struct, groups[kind], counts)
+        laws.append(struct.text())
+    return "\n".join(head) + ENGINE.read_text().replace("// THE LAWS", "\n".join(laws))
+
+
+@dataclass
+class _Struct:
+    """The law of one kind of edge as the engine wants it."""
+
+    kind: Kind
+    fields: list[str] = field(default_factory=list)
+    made: list[str] = field(default_factory=list)
+    rest: str = "splat(1)"
+    tension: list[str] = field(default_factory=lambda: ["return splat(0);"])
+    pull_back: list[str] = field(default_factory=lambda: ["return lengthbar = ratebar = splat(0);"])
+    finish: list[str] = field(default_factory=list)
+
+    def text(self) -> str:
+        """C++."""
+        name = self.kind.capitalize()
+        pull_back = "int64_t slot, V length, V rate, V tensionbar, V &lengthbar, V &ratebar"
+        methods = {
+            f"{name}(const Frame &f, int64_t step)" + (" : " + ", ".join(self.made) if self.made else ""): [],
+            "V rest(int64_t slot) const": [f"return {self.rest};"],
+            "V tension(int64_t slot, V length, V rate) const": self.tension,
+            f"V pull_back({pull_back})": self.pull_back,
+            "void finish(const Frame &f, int64_t slice)": self.finish,
+        }
+        lines = [f"struct {name} {{", *(f"  {each};" for each in self.fields)]
+        for head, body in methods.items():
+            lines += [f"  LAW {head} {{", *(f"    {line}" for line in body), "  }"]
+        return "\n".join([*lines, "};\n"])
+
+
+def _fill(struct: _Struct, group: Group, before: tuple[int, int, int]) -> tuple[int, int, int]:
+    """Write the laws of a group; `before` counts constants per edge, of the scene, and memory of others."""
+    edges, scenes, memories = before
+    symbols = {"length": "length", "rate": "rate", "dt": "dt", "tension.bar": "tensionbar"}
+    sinks = dict[str, str]()
+    struct.fields, struct.made = ["V dt"], ["dt(splat(R(f.dt)))"]
+    for given in group.inputs:
+        name = key(given.term, given.name)
+        if given.each:
+            struct.fields += [f"const R *a{edges}", f"R *ga{edges}"]
+            struct.made += [f"a{edges}(f.edge[{edges}])", f"ga{edges}(f.edge_gradient[{edges}])"]
+            symbols[name] = f"load(a{edges} + W * slot)"
+            sinks[name] = f"if (ga{edges}) accumulate(ga{edges} + W * slot, {{}});"
+            edges += 1
+        else:
+            struct.fields += [f"V s{scenes}", f"V gs{scenes}"]
+            struct.made += [f"s{scenes}(splat(f.scene[{scenes}]))", f"gs{scenes}(splat(0))"]
+            symbols[name] = f"s{scenes}"
+            sinks[name] = f"gs{scenes} += {{}};"
+            sink = f"f.scene_gradient[{scenes}]"
+            struct.finish.append(f"if ({sink}) accumulate({sink} + W * slice, gs{scenes});")
+            scenes += 1
+    struct.rest = symbols[key(group.inputs[0].term, group.inputs[0].name)]
+    rows = f"W * f.{struct.kind.removesuffix('s')}_rows"
+    first = memories
+    for term, variable in group.memory:
+        name, all_of = key(term, variable), f"f.memory[{memories}] + f.keep * {rows}"
+        struct.fields += [f"const R *m{memories}", f"R *n{memories}", f"R *b{memories}"]
+        struct.made += [f"m{memories}({all_of} * step)", f"n{memories}({all_of} * (step + 1))"]
+        struct.made.append(f"b{memories}(f.memory_adjoint[{memories}])")
+        symbols[name] = f"load(m{memories} + W * slot)"
+        symbols[f"{name}.bar"] = f"load(b{memories} + W * slot)"
+        sinks[name] = f"store(b{memories} + W * slot, {{}});"
+        memories += 1
+    struct.tension = _tension(group, symbols, first)
+    struct.pull_back = _pull_back(group, symbols, sinks)
+    return edges, scenes, memories
+
+
+def _tension(group: Group, symbols: Mapping[str, str], first: int) -> list[str]:
+    body = Statements([group.tension, *group.updates], symbols)
+    stores = [
+        f"store(n{first + index} + W * slot, {body.name(update)});"
+        for index, update in enumerate(group.updates)
+    ]
+    return [*body.lines, *stores, f"return {body.name(group.tension)};"]
+
+
+def _pull_back(group: Group, symbols: Mapping[str, str], sinks: Mapping[str, str]) -> list[str]:
+    forms = {"length": "lengthbar = {};", "rate": "ratebar = {};", **sinks}
+    body = Statements([group.tension, *group.adjoints.values()], symbols)
+    flows = [forms[name].format(body.name(adjoint)) for name, adjoint in group.adjoints.items()]
+    return [*body.lines, *flows, f"return {body.name(group.tension)};"]

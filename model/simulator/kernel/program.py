@@ -1,0 +1,139 @@
+"""A compiled kernel with the graph it runs on, and its runs over a stretch of substeps."""
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from model.simulator.kernel.call import Buffers, Interval, call, slot_rows
+from model.simulator.kernel.groups import Kind
+from model.simulator.kernel.layout import LANES, Layout, Slots
+
+STORAGE = 192 * 2**20
+"""Bytes of states that the adjoint of a frame may hold at once; longer frames are run again in pieces."""
+
+
+@dataclass(frozen=True)
+class Program:
+    """What runs, apart from values."""
+
+    library: ctypes.CDLL
+    layout: Layout
+    edges: tuple[Kind, ...]
+    """The kind of edge that each constant with one value per edge belongs to."""
+    scenes: tuple[Kind, ...]
+    """The same for the constants of the scene."""
+    memories: tuple[Kind, ...]
+    """The same for the variables of memory."""
+
+    def slots(self, kind: Kind) -> Slots:
+        """Of a kind of edge."""
+        return self.layout.springs if kind == "springs" else self.layout.held
+
+    def spread(self, values: Tensor, kind: Kind) -> Tensor:
+        """One value per slot from one per edge, [B, e]."""
+        return values.index_select(1, self.slots(kind).edge)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Some of the substeps of a frame, from a state on."""
+
+    first: int
+    steps: int
+    rows: Tensor
+    """[B, r, 8] at the start."""
+    memories: tuple[Tensor, ...]
+    """[B, slots] at the start."""
+
+
+@dataclass(frozen=True)
+class History:
+    """The states of every substep of a stretch, the last one included."""
+
+    first: int
+    steps: int
+    rows: Tensor
+    """[B, steps + 1, r, 8]."""
+    memories: tuple[Tensor, ...]
+    """[B, steps + 1, slots]."""
+
+
+def first_rows(program: Program, positions: Tensor, velocities: Tensor) -> Tensor:
+    """The rows of a state [B, N, 3]; those of controllers are the kernel's to fill."""
+    rows = positions.new_zeros(len(positions), slot_rows(program.layout), LANES)
+    points = program.layout.point
+    rows[:, : len(points), :3] = positions.index_select(1, points)
+    rows[:, : len(points), 3:6] = velocities.index_select(1, points)
+    return rows
+
+
+def record(program: Program, interval: Interval, values: Buffers, start: Stretch) -> History:
+    """Run a stretch and keep everything."""
+    rows = _room(start.rows, start.steps + 1)
+    memories = tuple(_room(memory, start.steps + 1) for memory in start.memories)
+    whole = {"first": start.first, "steps": start.steps, "ring": start.steps + 1, "keep": 1}
+    _forward(program, interval, values, rows, memories, whole)
+    return History(start.first, start.steps, rows, memories)
+
+
+def skip(program: Program, interval: Interval, values: Buffers, start: Stretch) -> Stretch:
+    """Run a stretch and keep its end: an empty stretch."""
+    rows = _room(start.rows, 2)
+    memories = tuple(memory.clone() for memory in start.memories)
+    whole = {"first": start.first, "steps": start.steps, "ring": 2, "keep": 0}
+    _forward(program, interval, values, rows, memories, whole)
+    return Stretch(start.first + start.steps, 0, rows[:, start.steps % 2], memories)
+
+
+def storable(program: Program, batch: int, like: Tensor) -> int:
+    """How many substeps fit into `STORAGE`."""
+    numbers = LANES * slot_rows(program.layout)
+    numbers += sum(LANES * program.slots(kind).rows for kind in program.memories)
+    return max(1, STORAGE // (numbers * batch * like.element_size()) - 1)
+
+
+def histories(
+    program: Program, interval: Interval, values: Buffers, start: Stretch, limit: int
+) -> Sequence[Stretch]:
+    """A frame in stretches of at most `limit` substeps, about equally long."""
+    pieces = -(-start.steps // limit)
+    bounds = [start.steps * piece // pieces for piece in range(pieces + 1)]
+    made = list[Stretch]()
+    now = start
+    for piece in range(pieces):
+        length = bounds[piece + 1] - bounds[piece]
+        made.append(Stretch(bounds[piece], length, now.rows, now.memories))
+        if piece + 1 < pieces:
+            now = skip(program, interval, values, made[-1])
+    return made
+
+
+def _room(start: Tensor, count: int) -> Tensor:
+    """[B, count, …] beginning with `start`."""
+    room = start.new_empty(len(start), count, *start.shape[1:])
+    room[:, 0] = start
+    return room
+
+
+def _forward(
+    program: Program,
+    interval: Interval,
+    values: Buffers,
+    rows: Tensor,
+    memories: Sequence[Tensor],
+    whole: dict[str, int],
+) -> None:
+    nothing = [None] * len(program.edges), [None] * len(program.scenes)
+    buffers = Buffers(
+        {**values.single, "rows": rows},
+        {
+            **values.lists,
+            "memory": memories,
+            "memory_adjoint": [None] * len(memories),
+            "edge_gradient": nothing[0],
+            "scene_gradient": nothing[1],
+        },
+    )
+    call(program.library, "forward", program.layout, interval, buffers, whole, len(rows))
