@@ -76,9 +76,13 @@ class SplatRenderer(Renderer):
         nothing[0, 0] = -1e4
         quadratic = torch.cat([quadratic, nothing])
         payload = torch.cat([payload, payload.new_zeros(1, channels)])
-        for begin in range(0, len(lists.tiles), BATCH):
-            batch = torch.arange(begin, min(begin + BATCH, len(lists.tiles)), device=payload.device)
-            done, values = self._composite_batch(lists, batch, quadratic, payload)
+        finished = [
+            self._composite_batch(lists, batch, quadratic, payload)
+            for batch in torch.arange(len(lists.tiles), device=payload.device).split(BATCH)
+            if len(batch)
+        ]
+        if finished:
+            done, values = (torch.cat(tensors) for tensors in zip(*finished, strict=True))
             image = image.index_copy(0, lists.tiles[done], values)
         image = image.view(lists.rows, lists.columns, TILE, TILE, channels).transpose(1, 2)
         return image.reshape(lists.rows * TILE, lists.columns * TILE, channels)

@@ -32,7 +32,7 @@ DAMPING, DRAG, FRICTION = 0.012, 0.8, 0.7
 """[N·s/m], [1/s], [1]."""
 GRIP_REACH = 0.019
 """The hand holds the points this close to the middle of the paw [m]."""
-SETTLING, SETTLING_DRAG = 24, 6.0
+SETTLING, SETTLING_DRAG = 30, 12.0
 """Frames in which the animal comes to rest before the clip begins, and the drag [1/s] that helps."""
 NOISE = 1.6 / 255
 """Standard deviation of the sensor's noise."""

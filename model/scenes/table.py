@@ -8,7 +8,7 @@ from model.types import Array, Camera
 
 EDGE = 0.60
 """Where the table ends, away from the camera: y [m]."""
-TOP, ROOM = np.array([0.80, 0.765, 0.715]), np.array([0.24, 0.25, 0.27])
+TOP, ROOM = np.array([0.37, 0.41, 0.47]), np.array([0.17, 0.165, 0.16])
 PATCH = 2.0
 """Side of the square that the texture covers, centred at the origin [m]; it repeats by reflection."""
 
