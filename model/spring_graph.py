@@ -12,7 +12,7 @@ BORDER = 3
 """Springs a point may have into other parts, from its own side."""
 BRIDGES = 3
 """Springs that join a loose piece to the rest."""
-_ALONG = (0.25, 0.5, 0.75)
+_ALONG = tuple(np.linspace(0.125, 0.875, 7))
 """Where along a spring it is checked to run inside the body."""
 _CANDIDATES = 64
 
@@ -62,10 +62,11 @@ def _inside(
 ) -> Bool[Array, " m"]:
     """Whether Gaussians lie all along the way."""
     tree = cKDTree(gaussians.means)
-    own = tree.query(gaussians.means, min(5, len(gaussians)))[0][:, -1]
+    own = tree.query(gaussians.means, min(4, len(gaussians)))[0][:, 1:].mean(axis=1)
     # half a cell's diagonal of a regular filling is 1.4 radii of the ball of the same volume
     ball = np.cbrt(3.0 * gaussians.volumes / (4.0 * np.pi))
-    claim = np.maximum(1.5 * ball, own)
+    # and flat Gaussians reach as far as their neighbours are
+    claim = np.maximum(1.5 * ball, 0.9 * own)
     filled = np.ones(len(start), bool)
     for share in _ALONG:
         middle = (1.0 - share) * start + share * end
@@ -80,7 +81,7 @@ def _unique(pairs: Int[Array, "m 2"]) -> Int[Array, "E 2"]:
     return np.unique(ordered[ordered[:, 0] != ordered[:, 1]], axis=0).reshape(-1, 2)
 
 
-def _bridge(points: Float64[Array, "N 3"], springs: Int[Array, "E 2"]) -> tuple[Int32[Array, "E 2"], int]:
+def _bridge(points: Float64[Array, "N 3"], springs: Int[Array, "m 2"]) -> tuple[Int32[Array, "E 2"], int]:
     """Join loose pieces to the largest by their shortest links, nearest piece first."""
     bridged = 0
     while True:
