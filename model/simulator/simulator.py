@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.utils.checkpoint import checkpoint as checkpointed
 
 from model.errors import InputError
+from model.simulator.backend import Backend, choose_path
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.divergence import explain, finite
 from model.simulator.drive import Drive, clock
@@ -62,6 +62,7 @@ class Simulator(nn.Module):
         forces: What acts on it; names must differ.
         contacts: What it meets, resolved in this order in each substep.
         integrator: How time advances.
+        backend: What computes rollouts; `auto` compiles a kernel where one can be had.
 
     Raises:
         InputError: two terms of one name, or constants whose shape does not fit the system.
@@ -73,6 +74,7 @@ class Simulator(nn.Module):
         forces: Sequence[ForceTerm],
         contacts: Sequence[ContactTerm] = (),
         integrator: Integrator | None = None,
+        backend: Backend = "auto",
     ) -> None:
         """See the class."""
         super().__init__()
@@ -82,7 +84,7 @@ class Simulator(nn.Module):
         self.system = system
         self.forces = nn.ModuleDict({term.name: term for term in forces})
         self.contacts = nn.ModuleDict({term.name: term for term in contacts})
-        self.integrator = integrator or SemiImplicitEuler()
+        self.integrator, self.backend = integrator or SemiImplicitEuler(), backend
         for name, term in zip(names, [*forces, *contacts], strict=True):
             check_shapes(term, system, name)
 
@@ -101,13 +103,17 @@ class Simulator(nn.Module):
     def with_force(self, force: ForceTerm) -> "Simulator":
         """A new simulator with `force` added, or in place of the one of its name; all else is shared."""
         forces = {**{name: self.force(name) for name in self.forces}, force.name: force}
-        return Simulator(self.system, list(forces.values()), self._contacts(), self.integrator)
+        return self._with(list(forces.values()), self._contacts())
 
     def with_contact(self, contact: ContactTerm) -> "Simulator":
         """A new simulator with `contact` first, or in place of the one of its name; all else is shared."""
         contacts = {contact.name: contact, **{term.name: term for term in self._contacts()}}
         contacts[contact.name] = contact
-        return Simulator(self.system, self._forces(), list(contacts.values()), self.integrator)
+        return self._with(self._forces(), list(contacts.values()))
+
+    def with_backend(self, backend: Backend) -> "Simulator":
+        """The same simulator, its rollouts computed by `backend`."""
+        return Simulator(self.system, self._forces(), self._contacts(), self.integrator, backend)
 
     def dynamics(self) -> Dynamics:
         """All terms with their constants evaluated, as the integrator wants them."""
@@ -166,6 +172,7 @@ class Simulator(nn.Module):
 
         Warns:
             StabilityWarning: `substeps` is below the stability bound.
+            FallbackWarning: no kernel can be had; says why.
         """
         moments = clock(times, frames if controls is None else len(controls), fps)
         motion = self._controls(controls, len(moments))
@@ -175,15 +182,13 @@ class Simulator(nn.Module):
             dynamics, now, None if motion is None else Anchors(motion[0], torch.zeros_like(motion[0]))
         )
         counts = self._counts(dynamics, now, motion, np.diff(moments), substeps)
+        path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
         history = [now]
         for frame, (interval, count) in enumerate(zip(np.diff(moments), counts, strict=True), start=1):
             dt = float(interval) / count
             drive = Drive(motion, frame, float(interval), count)
             before = now
-            if checkpoint and torch.is_grad_enabled():
-                now = checkpointed(self._advance, dynamics, before, drive, dt, use_reentrant=False)
-            else:
-                now = self._advance(dynamics, before, drive, dt)
+            now = path.advance(before, drive, dt, checkpoint)
             if not finite(now):
                 raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
             history.append(now)
@@ -196,11 +201,6 @@ class Simulator(nn.Module):
             now,
             tuple(counts),
         )
-
-    def _advance(self, dynamics: Dynamics, state: State, drive: Drive, dt: float) -> State:
-        for substep in range(drive.count):
-            state = self.integrator.step(dynamics, state, drive(substep), dt)
-        return state
 
     def _counts(
         self,
@@ -266,6 +266,9 @@ class Simulator(nn.Module):
         if held is None:
             raise InputError("the system has controllers but no rest places of them: give controls")
         return Anchors(held, torch.zeros_like(held))
+
+    def _with(self, forces: list[ForceTerm], contacts: list[ContactTerm]) -> "Simulator":
+        return Simulator(self.system, forces, contacts, self.integrator, self.backend)
 
     def _forces(self) -> list[ForceTerm]:
         return [self.force(name) for name in self.forces]

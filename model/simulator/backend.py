@@ -1,0 +1,92 @@
+"""How a rollout is computed: by the torch oracle, or by a compiled kernel that says the same."""
+
+import warnings
+from abc import ABC, abstractmethod
+from typing import Literal, TypeAlias
+
+import torch
+from torch.utils.checkpoint import checkpoint as checkpointed
+
+from model.errors import InputError
+from model.simulator.drive import Drive
+from model.simulator.dynamics import Dynamics
+from model.simulator.integrators.base import Integrator
+from model.simulator.kernel.call import Interval
+from model.simulator.kernel.kernel import Inexpressible, Kernel
+from model.simulator.system import State
+
+Backend: TypeAlias = Literal["auto", "torch", "kernel"]
+"""`auto`: a kernel where one can be had, else torch, with a warning."""
+
+
+class FallbackWarning(UserWarning):
+    """No kernel serves, so rollouts are slower than they could be."""
+
+
+class Path(ABC):
+    """What takes a state from one frame to the next."""
+
+    @abstractmethod
+    def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
+        """The state [m, m/s] after the substeps of a frame, of `dt` [s] each.
+
+        Args:
+            state: At the start of the frame.
+            drive: The controllers during it.
+            dt: Substep [s].
+            checkpoint: Store the state alone for the backward pass, and compute the rest again there.
+        """
+
+
+class Oracle(Path):
+    """Plain torch, one substep after another."""
+
+    def __init__(self, dynamics: Dynamics, integrator: Integrator) -> None:
+        """Of these terms."""
+        self._dynamics, self._integrator = dynamics, integrator
+
+    def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
+        """The state [m, m/s] after a frame."""
+        if checkpoint and torch.is_grad_enabled():
+            after: State = checkpointed(self._steps, state, drive, dt, use_reentrant=False)
+            return after
+        return self._steps(state, drive, dt)
+
+    def _steps(self, state: State, drive: Drive, dt: float) -> State:
+        for substep in range(drive.count):
+            state = self._integrator.step(self._dynamics, state, drive(substep), dt)
+        return state
+
+
+class FastPath(Path):
+    """A compiled kernel, one call per frame."""
+
+    def __init__(self, kernel: Kernel) -> None:
+        """Through this kernel."""
+        self._kernel = kernel
+
+    def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
+        """The state [m, m/s] after a frame."""
+        held = None if drive.motion is None else (drive.motion[drive.frame - 1], drive.motion[drive.frame])
+        keeps = torch.is_grad_enabled() and not checkpoint
+        return self._kernel.advance(state, held, Interval(dt, drive.count, drive.interval), keeps)
+
+
+def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, batch: torch.Size) -> Path:
+    """The fastest path that the terms allow, or the one asked for.
+
+    Raises:
+        InputError: a kernel is asked for and cannot be had; says why.
+
+    Warns:
+        FallbackWarning: `auto` falls back to torch; says why.
+    """
+    if backend == "torch":
+        return Oracle(dynamics, integrator)
+    try:
+        return FastPath(Kernel(dynamics, integrator, batch))
+    except Inexpressible as error:
+        if backend == "kernel":
+            raise InputError(f"no kernel can be had: {error}; use the backend 'torch'") from error
+        warnings.warn(f"the torch oracle serves, slowly: {error}", FallbackWarning, stacklevel=3)
+        return Oracle(dynamics, integrator)
