@@ -15,6 +15,10 @@ RATIO_STEP, DELTA_STEP = RATIO_BINS / 1.8, DELTA_BINS / 6.4
 SHAPE = (RATIO_BINS, DELTA_BINS, DELTA_BINS, TEXTURE_BINS)
 
 
+UNCHANGED = -2.2
+"""Mean log-odds of change below which a whole region is the empty scene."""
+
+
 def camera_rests(images: UInt8[Array, "T H W 3"]) -> bool:
     """Whether most textured points of the picture stay where they are throughout the clip."""
     grays = [
@@ -49,7 +53,7 @@ def fill(values: Float32[Array, "H W 3"], known: Bool[Array, "H W"]) -> Float32[
     share = 1 / (1 + np.exp(np.clip((across_cost - down_cost.T) / 4, -30, 30)))[..., None]
     filled = share * across + (1 - share) * down.transpose(1, 0, 2)
     filled = cv2.blur(np.where(known[..., None], values, filled).astype(np.float32), (5, 3))
-    return np.where(known[..., None], values, filled).astype(np.float32)
+    return np.asarray(np.where(known[..., None], values, filled), np.float32)
 
 
 def _between_ends(
@@ -146,7 +150,7 @@ def shadow_prior() -> Float32[Array, " C"]:
     bright = 14 * np.clip(level - 0.04, 0, 0.3)
     rough = np.array([-0.9, -0.5, 0.1, 0.7, 1.2, 1.5])
     odds = -1.8 + 0.55 * np.clip(hue - 2.5, 0, 8) + dark + bright + rough
-    return np.clip(odds, -3, 3).astype(np.float32).reshape(-1)
+    return np.asarray(np.clip(odds, -3, 3).reshape(-1), np.float32)
 
 
 @dataclass(frozen=True)
@@ -217,4 +221,4 @@ class Contrast:
 
     def doubt(self, codes: Int32[Array, "*n"]) -> Float32[Array, "*n"]:
         """1 where the empty scene cannot tell, 0 where it is sure."""
-        return np.exp(-np.square(np.minimum(self.changed(codes) + 0.3, 0) / 1.2)).astype(np.float32)
+        return np.asarray(np.exp(-np.square(np.minimum(self.changed(codes) + 0.3, 0) / 1.2)), np.float32)

@@ -140,6 +140,8 @@ def _sharpened(
         if not given:
             seed = refined(labs[keyframe], texture[keyframe], seed, hands[keyframe], contrast)
         objects = propagate(small, hands, seed, keyframe, contrast, texture)
+    if not given:
+        _look_back(small, objects, hands, keyframe, contrast, texture)
     return objects, hands
 
 
@@ -155,14 +157,20 @@ def _changed(
 
 
 def _look_back(
-    small: UInt8[Array, "T H W 3"], objects: Bool[Array, "T H W"], hands: Bool[Array, "T H W"], keyframe: int
+    small: UInt8[Array, "T H W 3"],
+    objects: Bool[Array, "T H W"],
+    hands: Bool[Array, "T H W"],
+    keyframe: int,
+    contrast: Contrast | None = None,
+    texture: UInt8[Array, "T H W"] | None = None,
 ) -> None:
     """Complete a patchy keyframe from some frames later, where its gaps have closed."""
     later = min(keyframe + 15, len(small) - 1)
     if not objects[later].any():
         return
     part = slice(keyframe, later + 1)
-    back = propagate(small[part], hands[part], objects[later], later - keyframe)
+    nearby = None if texture is None else texture[part]
+    back = propagate(small[part], hands[part], objects[later], later - keyframe, contrast, nearby)
     if (back[0] & objects[keyframe]).sum() > 0.8 * objects[keyframe].sum():
         objects[part] = back
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from model.segmentation.background import Contrast
+from model.segmentation.background import UNCHANGED, Contrast
 from model.segmentation.color_model import as_bytes
 from model.segmentation.min_cut import edge_weights, min_cut
 from model.segmentation.regions import (
@@ -13,6 +13,7 @@ from model.segmentation.regions import (
     labels_of,
     signed_distance,
     touching,
+    with_doubtful_holes,
     without_gaps,
     without_holes,
     without_specks,
@@ -50,7 +51,7 @@ def salience(
         # A gaudy shirt stands out from itself; seen from further away it is one colour, up to the border.
         coarse, blurred = (cv2.GaussianBlur(lab, (0, 0), share * width) for share in (0.02, 0.05))
         out = np.sqrt(out * np.minimum(border_distance(coarse), 50)) * (1 - border_colors(blurred, 6))
-    return cv2.GaussianBlur(out * reach(hand, 0.25) * center * ~hand, (0, 0), 2.0).astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(out * reach(hand, 0.25) * center * ~hand, (0, 0), 2.0), np.float32)
 
 
 def find_object(
@@ -89,11 +90,13 @@ def grab_cut(lab: Float32[Array, "H W 3"], trimap: Array, rounds: int = 4) -> Bo
     """
     sure = (trimap == cv2.GC_FGD) | (trimap == cv2.GC_PR_FGD)
     if sure.sum() < 20 or (~sure).sum() < 20:
-        return sure
+        return np.asarray(sure)
     cv2.setRNGSeed(0)
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    labels, _, _ = cv2.grabCut(as_bytes(lab), trimap.copy(), None, *models, rounds, cv2.GC_INIT_WITH_MASK)
-    return (labels & 1).astype(bool)
+    back, front = np.zeros((1, 65)), np.zeros((1, 65))
+    whole = (0, 0, lab.shape[1], lab.shape[0])
+    mode = cv2.GC_INIT_WITH_MASK
+    labels, _, _ = cv2.grabCut(as_bytes(lab), trimap.copy(), whole, back, front, rounds, mode)
+    return np.asarray(np.asarray(labels) & 1, bool)
 
 
 def coherent(
@@ -103,7 +106,7 @@ def coherent(
     found = without_specks(found, 0.0002 * found.size)
     count, labels, _ = labels_of(found)
     if count == 1:
-        return found
+        return np.asarray(found)
     weights = np.bincount(labels.ravel(), weights=weight.ravel(), minlength=count)
     weights[0] = 0
     main = labels == int(weights.argmax())
@@ -131,7 +134,7 @@ def settle(
         enclosed = (object_mask[window] & ring).sum() > 0.6 * ring.sum()
         if enclosed and areas[label] < 0.3 * object_mask.sum():
             object_mask, hand = object_mask | part, hand & ~part
-    return object_mask, hand & ~object_mask
+    return object_mask, np.asarray(hand & ~object_mask)
 
 
 def refined(
@@ -151,5 +154,6 @@ def refined(
     # White fur on a white table does not tell; where the rest of the object encloses it, believe the seed.
     doubtful = without_gaps(u > 0.5, 6) & seed & (contrast.doubt(codes) > 0.2) & ~hand
     u = min_cut(np.where(doubtful, np.maximum(evidence, 1.5), evidence).astype(np.float32), *weights, u, 80)
-    found = without_holes(touching((u > 0.5) & ~hand, distance > 3), 30)
-    return found if found.any() else seed
+    found = without_holes(touching((u > 0.5) & ~hand, distance > 3), 30.0)
+    found = with_doubtful_holes(found, np.where(hand, np.float32(-9), contrast.changed(codes)), UNCHANGED)
+    return np.asarray(found if found.any() else seed)

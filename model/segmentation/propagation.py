@@ -6,10 +6,18 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
-from model.segmentation.background import Contrast
+from model.segmentation.background import UNCHANGED, Contrast
 from model.segmentation.color_model import ColorModel, color_codes, log_ratio, to_lab
 from model.segmentation.min_cut import edge_weights, min_cut
-from model.segmentation.regions import around, grown, signed_distance, touching, without_gaps, without_holes
+from model.segmentation.regions import (
+    around,
+    grown,
+    signed_distance,
+    touching,
+    with_doubtful_holes,
+    without_gaps,
+    without_holes,
+)
 from model.types import Array
 
 MARGIN = 30
@@ -22,9 +30,9 @@ def backward_flow(now: UInt8[Array, "H W"], before: UInt8[Array, "H W"]) -> Floa
     Reference:
         Kroeger et al. (2016), Fast optical flow using dense inverse search.
     """
-    dis = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-    flow: Float32[Array, "H W 2"] = dis.calc(now, before, None)
-    return flow
+    dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+    flow = np.zeros((*now.shape, 2), np.float32)
+    return np.asarray(dis.calc(now, before, flow))
 
 
 def warped(image: Float32[Array, "H W"], flow: Float32[Array, "H W 2"]) -> Float32[Array, "H W"]:
@@ -112,17 +120,18 @@ class _Carrier:
         color = np.clip(ratio[color_codes(near)], -3, 3)
         distance = signed_distance(prior[window] > 0.5)
         place = np.clip(distance / 2, -3, 3) - np.maximum(-distance - 5, 0) * 0.5
-        doubt = np.zeros_like(distance)
+        doubt, changed = np.zeros_like(distance), np.full_like(distance, -9)
         if self.contrast is None or self.texture is None:
             evidence = color + place
         else:
             # Where the scene behind does not tell (white fur on a white table), motion decides.
             codes = self.contrast.codes(lab, self.texture[now])[window]
-            doubt = self.contrast.doubt(codes)
+            doubt, changed = self.contrast.doubt(codes), self.contrast.changed(codes)
             odds = np.clip(self.contrast.odds(codes), -4, 4)
             evidence = 0.3 * color + odds + (0.3 + 0.5 * doubt) * place - 0.8
         evidence = (evidence - 2.5 * (hand & (prior[window] < 0.9))).astype(np.float32)
         u = min_cut(evidence, *edge_weights(near, 3.0), prior[window], 40)
         mask = (u > 0.5) & ~(hand & (prior[window] < 0.5))
         mask |= without_gaps(mask, 5) & (distance > 0) & (doubt > 0.1) & ~hand
-        self.masks[now][window] = without_holes(touching(mask, distance > 1.5), 30)
+        mask = with_doubtful_holes(mask, np.where(hand, np.float32(-9), changed), UNCHANGED)
+        self.masks[now][window] = without_holes(touching(mask, distance > 1.5), 30.0)

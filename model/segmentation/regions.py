@@ -50,7 +50,7 @@ def signed_distance(mask: Bool[Array, "H W"]) -> Float32[Array, "H W"]:
     """Distance to the mask's edge [px], positive inside."""
     inside = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 5)
     outside = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
-    return (inside - outside).astype(np.float32)
+    return np.asarray((inside - outside), np.float32)
 
 
 def around(mask: Bool[Array, "H W"], margin: int) -> Box:
@@ -69,4 +69,17 @@ def without_gaps(mask: Bool[Array, "H W"], radius: int) -> Bool[Array, "H W"]:
     frame = np.ones_like(closed)
     frame[1:-1, 1:-1] = False
     filled: Bool[Array, "H W"] = ~touching(~closed, frame & ~closed)
+    return filled
+
+
+def with_doubtful_holes(
+    mask: Bool[Array, "H W"], evidence: Float32[Array, "H W"], least: float
+) -> Bool[Array, "H W"]:
+    """The mask with those holes filled whose mean `evidence` is above `least`, and all tiny ones."""
+    filled = mask.copy()
+    count, labels, areas = labels_of(without_gaps(mask, 2) & ~mask)
+    for label in range(1, count):
+        hole = labels == label
+        if areas[label] < 12 or (evidence[hole].mean() > least and areas[label] < 0.2 * mask.sum()):
+            filled |= hole
     return filled

@@ -63,7 +63,7 @@ def border_colors(lab: Float32[Array, "H W 3"], clusters: int = 12) -> Float32[A
     area = np.bincount(labels.ravel(), minlength=clusters)
     length = np.bincount(labels[border], minlength=clusters)
     connectivity = length / np.sqrt(np.maximum(area, 1))
-    return (1 - np.exp(-0.5 * np.square(connectivity)))[labels].astype(np.float32)
+    return np.asarray((1 - np.exp(-0.5 * np.square(connectivity)))[labels], np.float32)
 
 
 def reach(hand: Bool[Array, "H W"], scale: float) -> Float32[Array, "H W"]:
@@ -89,4 +89,4 @@ def reach(hand: Bool[Array, "H W"], scale: float) -> Float32[Array, "H W"]:
         far = pixels[away > 0.6 * away.max()]
         tips[far[:, 0], far[:, 1]] = True
     distance = cv2.distanceTransform((~tips).astype(np.uint8), cv2.DIST_L2, 5)
-    return np.exp(-np.square(distance / (scale * np.hypot(height, width)))).astype(np.float32)
+    return np.asarray(np.exp(-np.square(distance / (scale * np.hypot(height, width)))), np.float32)

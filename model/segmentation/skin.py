@@ -23,7 +23,7 @@ def skin_prior(image: UInt8[Array, "H W 3"]) -> Float32[Array, "H W"]:
     ratio = (blue + 2) / np.maximum(red, 1)
     likely = np.exp(-0.5 * np.square((red - 24) / 11)) * np.exp(-0.5 * np.square((ratio - 0.8) / 0.35))
     likely *= (red > 7) & (luma > 35)
-    return np.where(red > 40, 0.6 * likely, likely).astype(np.float32)
+    return np.asarray(np.where(red > 40, 0.6 * likely, likely), np.float32)
 
 
 class SkinModel:
@@ -47,4 +47,4 @@ class SkinModel:
         if not self.found:
             return np.full(image.shape[:2], -5, np.float32)
         learned = np.clip(self.table[color_codes(to_lab(image))], -5, 5)
-        return (learned + prior).astype(np.float32)
+        return np.asarray((learned + prior), np.float32)
