@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64
+from jaxtyping import Bool, Float, Float64
 from scipy import ndimage
 
+from model.reconstruction.discs import inscribed
 from model.reconstruction.volume import Volume, grid_around
 from model.types import Array, Camera
 
@@ -65,22 +66,25 @@ def resting_balls(mask: Bool[Array, "H W"], camera: Camera, flatness: float, gro
     middle = np.array([[columns.mean(), rows.mean()]])
     anchor = plane_points(camera, middle, axis, ground_height)[0]
     direction, squeeze = _foreshortening(camera, anchor, axis, flatness)
-    pixels, radii, thickness = inscribed(mask, direction, squeeze)
+    discs = inscribed(mask, direction, squeeze)
     focal = _focal(camera)
-    centers = plane_points(camera, pixels, axis, np.full(len(pixels), ground_height))
+    centers = plane_points(camera, discs.centers, axis, np.full(len(discs.radii), ground_height))
     for _ in range(4):  # the height depends on the depth and the depth on the height: a contraction
         depth = camera.to_camera(centers)[:, 2]
-        height = ground_height + flatness * thickness * depth / focal
-        centers = plane_points(camera, pixels, axis, height)
+        height = ground_height + flatness * discs.thickness * depth / focal
+        centers = plane_points(camera, discs.centers, axis, height)
+    # What lies within a larger disc belongs to the outline of its ball: the ball's polar plane holds it.
+    onto = _polar_points(camera, discs.centers, centers[discs.owners], axis, flatness)
+    centers = discs.nested[:, None] * onto + (1.0 - discs.nested[:, None]) * centers
     depth = camera.to_camera(centers)[:, 2]
-    return Balls(centers, radii * depth / focal, axis, flatness)
+    return Balls(centers, discs.radii * depth / focal, axis, flatness)
 
 
 def floating_balls(mask: Bool[Array, "H W"], camera: Camera, flatness: float, depth: float) -> Balls:
     """Balls whose middles lie at `depth` [m] from the camera and that project onto `mask`."""
-    pixels, radii, _ = inscribed(mask, np.array([1.0, 0.0]), 1.0)
-    centers = camera.unproject(pixels, np.full(len(pixels), depth))
-    return Balls(centers, radii * depth / _focal(camera), -camera.forward, flatness)
+    discs = inscribed(mask, np.array([1.0, 0.0]), 1.0)
+    centers = camera.unproject(discs.centers, np.full(len(discs.radii), depth))
+    return Balls(centers, discs.radii * depth / _focal(camera), -camera.forward, flatness)
 
 
 def plane_points(
@@ -97,86 +101,21 @@ def plane_points(
     return points
 
 
-def inscribed(
-    mask: Bool[Array, "H W"], direction: Float64[Array, " 2"], squeeze: float
-) -> tuple[Float64[Array, "K 2"], Float64[Array, " K"], Float64[Array, " K"]]:
-    """Few discs that cover a mask, measured after undoing a foreshortening.
-
-    Args:
-        mask: The silhouette.
-        direction: Unit image direction along which things look shorter than they are.
-        squeeze: By how much, 0..1.
-
-    Returns:
-        Centres [px], radii [px] and the radius of the thickest body around each centre [px].
-    """
-    rows, columns = np.nonzero(mask)
-    corner = np.array([columns.min(), rows.min()], np.float64)
-    stretch = np.eye(2) + (1.0 / squeeze - 1.0) * np.outer(direction, direction)
-    size = np.array([np.ptp(columns), np.ptp(rows)]) + 1.0
-    ends = np.array([[0, 0], [size[0], 0], [0, size[1]], size]) @ stretch.T
-    shift = 4.0 - ends.min(0)
-    width, height = (int(v) for v in np.ceil(np.ptp(ends, axis=0)) + 9)
-    affine = np.hstack([stretch, (shift - stretch @ corner)[:, None]])
-    upright = cv2.warpAffine(mask.astype(np.float32), affine, (width, height)) > 0.5
-    centers, radii, thickness = _cover(upright)
-    return (centers - affine[:, 2]) @ np.linalg.inv(stretch).T, radii, thickness
-
-
-def _cover(
-    mask: Bool[Array, "H W"],
-) -> tuple[Float64[Array, "K 2"], Float64[Array, " K"], Float64[Array, " K"]]:
-    """Greedy cover of a mask by inscribed discs, largest first; with the local thickness."""
-    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    # A disc that lies inside a neighbour's adds nothing: keep the ridge, where the distance turns.
-    slope = np.hypot(*np.gradient(distance))
-    ridge = mask & (slope < 0.93)
-    rows, columns = np.nonzero(ridge if ridge.any() else mask)
-    order = np.argsort(-distance[rows, columns], kind="stable")
-    covered = np.zeros(mask.shape, np.uint8)
-    kept = []
-    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-        radius = max(float(distance[row, column]) - 0.5, 0.5)
-        reach = int(np.ceil(radius))
-        window = covered[max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1]
-        disc = _disc(radius, reach)[
-            max(reach - row, 0) : max(reach - row, 0) + window.shape[0],
-            max(reach - column, 0) : max(reach - column, 0) + window.shape[1],
-        ]
-        if np.any(disc & (window == 0)):
-            window[disc] = 1
-            kept.append((column, row, radius))
-    discs = np.array(kept, np.float64)
-    smooth = _thickness_map(mask, discs)
-    at_centres = smooth[discs[:, 1].astype(int), discs[:, 0].astype(int)].astype(np.float64)
-    return discs[:, :2], discs[:, 2], np.maximum(at_centres, discs[:, 2])
-
-
-def local_thickness(mask: Bool[Array, "H W"]) -> Float64[Array, "H W"]:
-    """Radius [px] of the thickest body over each pixel of a mask, changing gradually along it."""
-    centers, radii, _ = _cover(mask)
-    discs = np.concatenate([centers, radii[:, None]], axis=-1)
-    return _thickness_map(mask, discs).astype(np.float64)
-
-
-def _thickness_map(mask: Bool[Array, "H W"], discs: Float64[Array, "K 3"]) -> Float32[Array, "H W"]:
-    """Radius of the largest disc over each pixel, smoothed inside the mask."""
-    thickness = np.zeros(mask.shape, np.float32)
-    for column, row, radius in discs[::-1]:  # ascending: larger ones overwrite
-        cv2.circle(thickness, (int(column), int(row)), max(round(radius), 1), float(radius), -1)
-    known = (mask & (thickness > 0)).astype(np.float32)
-    sigma = 0.25 * float(discs[0, 2]) + 0.5
-    smooth = cv2.GaussianBlur(thickness * known, (0, 0), sigma) / np.maximum(
-        cv2.GaussianBlur(known, (0, 0), sigma), 1e-6
+def _polar_points(
+    camera: Camera,
+    pixels: Float64[Array, "K 2"],
+    middles: Float64[Array, "K 3"],
+    axis: Float64[Array, " 3"],
+    flatness: float,
+) -> Float64[Array, "K 3"]:
+    """Where the rays of pixels meet the planes through the outlines of balls as the camera sees them."""
+    rays = camera.unproject(pixels, np.ones(len(pixels))) - camera.position
+    normals = rays + (flatness**-2 - 1.0) * (rays @ axis)[:, None] * axis
+    parameter = np.einsum("ki,ki->k", middles - camera.position, normals) / np.einsum(
+        "ki,ki->k", rays, normals
     )
-    thickness_map: Float32[Array, "H W"] = smooth
-    return thickness_map
-
-
-def _disc(radius: float, reach: int) -> Bool[Array, "D D"]:
-    offset = np.arange(-reach, reach + 1)
-    inside: Bool[Array, "D D"] = offset[:, None] ** 2 + offset[None, :] ** 2 <= radius**2
-    return inside
+    points: Float64[Array, "K 3"] = camera.position + parameter[:, None] * rays
+    return points
 
 
 def inflate(balls: Balls, axes: Float64[Array, "3 3"], finest: float) -> Volume:

@@ -127,7 +127,7 @@ def _from_depth(
     shape_class: ShapeClass,
     depth: Float[Array, "H W"],
 ) -> Calibration:
-    """Gravity, ground and scale from the plane around the object in depth; without one, as held in the air."""
+    """Gravity, ground and scale from the plane around the object in depth, else as held in the air."""
     key = masks.keyframe
     plane = ground_from_depth(depth, file.intrinsics, masks.object[key], masks.hand[key])
     if plane is None:

@@ -10,9 +10,10 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from model.errors import InputError
-from model.reconstruction.balls import flatness_of, local_thickness
+from model.reconstruction.balls import flatness_of
 from model.reconstruction.base import Reconstructor
 from model.reconstruction.depth_file import read_depth
+from model.reconstruction.discs import local_thickness
 from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling, thinned
 from model.reconstruction.outline import overlap, silhouette_of
 from model.reconstruction.paint import colors_from_image

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float, Float64, Int
 from scipy.spatial import cKDTree
+from scipy.special import ndtri
 
 from model.reconstruction.volume import Volume
 from model.types import Array, Gaussians
@@ -51,6 +52,8 @@ class Filling:
 
 FLATTENED = 0.34
 """Standard deviation of surface Gaussians along the normal, in spacings."""
+SHEET_SPREAD = 0.6
+"""Standard deviation of a sheet's Gaussians in its plane, in spacings."""
 INSET = 2.2
 """How far below the surface the outer layer lies, in standard deviations of its blurred footprint."""
 PIXEL_BLUR = 0.55
@@ -90,9 +93,20 @@ def sheet_filling(
 ) -> Filling:
     """One layer of flat Gaussians, each standing for a tile of `spacing`² × `thickness` [m]."""
     count = len(points)
-    scales = np.tile([0.6 * spacing, 0.6 * spacing, 0.4 * thickness], (count, 1))
+    scales = np.tile([SHEET_SPREAD * spacing, SHEET_SPREAD * spacing, 0.4 * thickness], (count, 1))
     volumes = np.full(count, spacing**2 * thickness)
     return Filling(points, np.tile(normal, (count, 1)), scales, volumes, spacing)
+
+
+def sheet_inset(spacing: float, pixel: float) -> float:
+    """How far inside the outline of a sheet its outermost Gaussians must lie to be drawn up to it [m].
+
+    Along the edge of an even layer the optical depth falls off like the normal distribution; it is drawn
+    up to where that depth is ln 2 (half covered).
+    """
+    blurred = float(np.hypot(SHEET_SPREAD * spacing, PIXEL_BLUR * pixel))
+    whole = 9.05 * (blurred / spacing) ** 2  # 2π times the integral of −ln(1 − 0.95 exp(−r²/2)) r dr
+    return float(-ndtri(np.log(2.0) / whole)) * blurred - 0.3 * spacing
 
 
 def quaternions_to(normals: Float64[Array, "G 3"]) -> Float64[Array, "G 4"]:
@@ -106,7 +120,7 @@ def quaternions_to(normals: Float64[Array, "G 3"]) -> Float64[Array, "G 4"]:
     return unit
 
 
-def thinned(points: Float64[Array, "N 3"], radius: float) -> Float64[Array, " M"]:
+def thinned(points: Float64[Array, "N 3"], radius: float) -> Int[Array, " M"]:
     """Indices of a maximal subset of points no two of which are nearer than `radius` [m].
 
     Reference:
@@ -166,7 +180,7 @@ def _place(
     chosen = thinned(inset, 0.87 * spacing)
     surface, outward = inset[chosen], normals[chosen]
     interior = _lattice(volume, COARSER_INSIDE * spacing)
-    interior = interior[volume.sample(interior) > 0.75 * COARSER_INSIDE * spacing]
+    interior = interior[volume.sample(interior) > max(0.75 * COARSER_INSIDE * spacing, depth)]
     if len(interior):
         gap, _ = cKDTree(surface).query(interior)
         interior = interior[gap > 0.5 * COARSER_INSIDE * spacing]

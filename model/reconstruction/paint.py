@@ -35,31 +35,31 @@ def visible(filling: Filling, camera: Camera) -> Bool[Array, " G"]:
     pixels, depth = camera.project(filling.means)
     away = filling.means - camera.position
     facing = filling.surface & (np.einsum("gi,gi->g", filling.normals, away) < 0)
-    nearest = nearest_depth(pixels, depth, camera, filling.spacing)
+    pixel = float(np.median(depth)) / float(camera.intrinsics[0, 0])
+    reach = max(round(0.6 * filling.spacing / max(pixel, 1e-9)), 0)
+    nearest = nearest_depth(pixels, depth, camera, reach)
+    # Within its window a slanted surface has some depth of its own.
+    tolerance = max(1.5 * filling.spacing, 2.0 * (reach + 0.5) * pixel)
     corner = np.round(pixels).astype(int)
     inside = (corner >= 0).all(-1) & (corner[:, 0] < camera.width) & (corner[:, 1] < camera.height)
     corner = np.clip(corner, 0, [camera.width - 1, camera.height - 1])
-    seen = (
-        facing & inside & (depth > 0) & (depth < nearest[corner[:, 1], corner[:, 0]] + 1.5 * filling.spacing)
-    )
+    seen = facing & inside & (depth > 0) & (depth < nearest[corner[:, 1], corner[:, 0]] + tolerance)
     if not seen.any():
         seen = inside & (depth <= np.quantile(depth, 0.5))
     return seen if seen.any() else np.ones(len(depth), bool)
 
 
 def nearest_depth(
-    pixels: Float64[Array, "G 2"], depth: Float64[Array, " G"], camera: Camera, spacing: float
+    pixels: Float64[Array, "G 2"], depth: Float64[Array, " G"], camera: Camera, reach: int
 ) -> Float64[Array, "H W"]:
-    """Depth [m] of the nearest of points of a given spacing at every pixel; infinite where there is none."""
+    """Depth [m] of the nearest point within `reach` pixels of every pixel; infinite where there is none."""
     nearest = np.full((camera.height, camera.width), np.inf)
     corner = np.round(pixels).astype(int)
     inside = (
         (corner >= 0).all(-1) & (corner[:, 0] < camera.width) & (corner[:, 1] < camera.height) & (depth > 0)
     )
     np.minimum.at(nearest, (corner[inside, 1], corner[inside, 0]), depth[inside])
-    focal = float(max(camera.intrinsics[0, 0], camera.intrinsics[1, 1]))
-    size = int(np.ceil(0.5 * spacing * focal / max(float(np.median(depth)), 1e-6)))
-    dense: Float64[Array, "H W"] = ndimage.minimum_filter(nearest, size=2 * size + 1)
+    dense: Float64[Array, "H W"] = ndimage.minimum_filter(nearest, size=2 * reach + 1)
     return dense
 
 

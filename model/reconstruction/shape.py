@@ -2,7 +2,7 @@
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float64, Int, UInt8
+from jaxtyping import Bool, Float, Float64, Int, UInt8
 from scipy import ndimage
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
@@ -59,7 +59,7 @@ def _reduced(mask: Bool[Array, "H W"]) -> Bool[Array, "h w"]:
     return crop > 0
 
 
-def _longest_path(mask: Bool[Array, "h w"], distance: Float64[Array, "h w"]) -> Int[Array, "L 2"]:
+def _longest_path(mask: Bool[Array, "h w"], distance: Float[Array, "h w"]) -> Int[Array, "L 2"]:
     """Pixels of a path between the two ends farthest apart inside the mask, kept to its middle."""
     index = np.full(mask.shape, -1)
     index[mask] = np.arange(np.count_nonzero(mask))

@@ -18,7 +18,7 @@ from model.reconstruction.balls import (
     resting_balls,
 )
 from model.reconstruction.base import Reconstructor
-from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling
+from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling, sheet_inset
 from model.reconstruction.outline import overlap, silhouette_of
 from model.reconstruction.paint import colors_from_image
 from model.reconstruction.volume import Volume, carved, mask_distance, sample_image
@@ -97,7 +97,7 @@ def extent_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: S
     """Largest extent [m] of the body that this silhouette becomes."""
     if shape_class != "sheet":
         return balls_of(mask, calibration, shape_class).extent
-    normal, offset = _sheet_plane(calibration)
+    normal, offset = _sheet_plane(calibration, 0.0)
     rows, columns = np.nonzero(mask)
     points = plane_points(
         calibration.camera, np.stack([columns, rows], -1).astype(np.float64), normal, offset
@@ -177,7 +177,7 @@ def _missing_balls(volume: Volume, mask: Bool[Array, "H W"], camera: Camera, bal
 def _sheet(mask: Bool[Array, "H W"], calibration: Calibration) -> Filling:
     """One even layer on the ground, or facing the camera where there is no ground."""
     camera = calibration.camera
-    normal, offset = _sheet_plane(calibration)
+    normal, offset = _sheet_plane(calibration, 0.5 * SHEET_THICKNESS)
     axes = _in_plane(camera, normal)
     rows, columns = np.nonzero(mask)
     flat = plane_points(camera, np.stack([columns, rows], -1).astype(np.float64), normal, offset) @ axes.T
@@ -192,18 +192,23 @@ def _sheet(mask: Bool[Array, "H W"], calibration: Calibration) -> Filling:
     points = lattice @ axes + offset * normal
     pixels, depth = camera.project(points)
     distance = sample_image(mask_distance(mask), pixels, -10.0) * depth / camera.intrinsics[0, 0]
-    filling = sheet_filling(points[distance > 0.3 * spacing], normal, spacing, SHEET_THICKNESS)
+    filling = sheet_filling(
+        points[distance > sheet_inset(spacing, pixel_size(mask, calibration))],
+        normal,
+        spacing,
+        SHEET_THICKNESS,
+    )
     share = area * SHEET_THICKNESS / len(filling.means)
     return Filling(
         filling.means, filling.normals, filling.scales, np.full(len(filling.means), share), spacing
     )
 
 
-def _sheet_plane(calibration: Calibration) -> tuple[Float64[Array, " 3"], float]:
-    """Normal and offset [m] of the plane a sheet lies in."""
+def _sheet_plane(calibration: Calibration, lift: float) -> tuple[Float64[Array, " 3"], float]:
+    """Normal and offset [m] of the plane a sheet lies in, `lift` above the ground."""
     camera = calibration.camera
     if calibration.ground_height is not None:
-        return np.array([0.0, 0.0, 1.0]), calibration.ground_height + 0.5 * SHEET_THICKNESS
+        return np.array([0.0, 0.0, 1.0]), calibration.ground_height + lift
     normal = -camera.forward
     return normal, float(normal @ camera.position) - resting_depth(camera)
 

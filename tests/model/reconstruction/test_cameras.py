@@ -1,0 +1,148 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.errors import InputError
+from model.reconstruction.cameras import calibrate
+from model.reconstruction.silhouette import extent_of
+from model.types import Masks
+
+
+@pytest.fixture
+def camera_file(tmp_path):
+    """The file of a camera, with or without its pose."""
+
+    def write(camera, pose=True, **more):
+        entries = {"intrinsics": camera.intrinsics.tolist(), **more}
+        if pose:
+            entries["world_from_camera"] = camera.world_from_camera.tolist()
+        path = tmp_path / "camera.json"
+        path.write_text(json.dumps(entries))
+        return path
+
+    return write
+
+
+def run(scene, file=None, size=None, shape_class="solid", depth=None):
+    return calibrate(
+        scene.frames, scene.masks, camera_file=file, size_m=size, shape_class=shape_class, depth=depth
+    )
+
+
+def test_a_pose_is_taken_as_it_is(teddy, camera_file):
+    result = run(teddy, camera_file(teddy.camera, ground_height=0.0))
+    np.testing.assert_allclose(result.camera.world_from_camera, teddy.camera.world_from_camera, atol=1e-12)
+    np.testing.assert_allclose(result.camera.intrinsics, teddy.camera.intrinsics)
+    assert result.ground_height == 0.0
+    assert result.gravity == (0.0, 0.0, -9.81)
+    assert "camera file" in result.camera_source
+    assert "camera file" in result.scale_source
+    assert result.warnings == ()
+
+
+def test_the_plane_z_0_of_a_pose_is_the_ground_where_it_is_seen(teddy, camera_file):
+    result = run(teddy, camera_file(teddy.camera))
+    assert result.ground_height == 0.0
+    assert "z = 0" in result.ground_source
+
+
+def test_a_pose_that_looks_up_leaves_no_ground(teddy, camera_file):
+    pose = np.eye(4)
+    pose[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]  # level, at the height of the ground
+    result = run(teddy, camera_file(replace(teddy.camera, world_from_camera=pose)))
+    assert result.ground_height is None
+    with pytest.raises(InputError, match="ground_height"):
+        run(teddy, camera_file(replace(teddy.camera, world_from_camera=pose), ground_height=0.0))
+
+
+def test_a_stated_size_overrules_a_pose(teddy, camera_file):
+    result = run(teddy, camera_file(teddy.camera), size=0.6)
+    assert extent_of(teddy.mask, result, "solid") == pytest.approx(0.6, rel=1e-3)
+    assert "stated" in result.scale_source
+    assert len(result.warnings) == 1
+
+
+def test_without_a_file_everything_is_said(teddy):
+    result = run(teddy)
+    assert result.ground_height == 0.0
+    assert "70° assumed" in result.camera_source
+    assert "50°" in result.camera_source
+    assert "default" in result.camera_source
+    assert "estimated from the image" in result.ground_source
+    assert result.scale_source.startswith("assumed")
+    assert any("gravity" in warning for warning in result.warnings)
+    assert extent_of(teddy.mask, result, "solid") == pytest.approx(0.3, rel=1e-3)
+    assert result.camera.forward[2] == pytest.approx(-np.sin(np.deg2rad(50)), abs=1e-9)
+
+
+def test_a_stated_size_is_kept(teddy):
+    result = run(teddy, size=0.21)
+    assert extent_of(teddy.mask, result, "solid") == pytest.approx(0.21, rel=1e-3)
+    assert result.scale_source.startswith("stated")
+
+
+def test_intrinsics_alone_are_used_and_the_pose_estimated(teddy, camera_file):
+    result = run(teddy, camera_file(teddy.camera, pose=False))
+    np.testing.assert_allclose(result.camera.intrinsics, teddy.camera.intrinsics)
+    assert "camera file" in result.camera_source
+    assert result.ground_height == 0.0
+
+
+def test_an_object_in_the_air_has_no_ground(scene_of):
+    scene = scene_of([((0, 0, 0), (0.06, 0.06, 0.06))], table=False)
+    result = run(scene, size=0.12)
+    assert result.ground_height is None
+    assert "held in the air" in result.ground_source
+    assert result.camera.project(np.zeros((1, 3)))[1][0] == pytest.approx(0.6, rel=0.25)  # another lens
+
+
+def test_depth_fixes_gravity_ground_and_scale(scene_of, camera_file):
+    scene = scene_of([((0, 0, 0.05), (0.06, 0.05, 0.05))], pitch=38.0)
+    result = run(scene, camera_file(scene.camera, pose=False), depth=scene.depth)
+    assert result.ground_height == 0.0
+    assert result.camera.position[2] == pytest.approx(scene.camera.position[2], rel=0.01)
+    assert result.camera.forward[2] == pytest.approx(-np.sin(np.deg2rad(38.0)), abs=0.01)
+    assert "depth" in result.scale_source
+    assert "depth" in result.ground_source
+
+
+def test_depth_measures_so_a_stated_size_is_ignored(scene_of, camera_file):
+    scene = scene_of([((0, 0, 0.05), (0.06, 0.05, 0.05))])
+    file = camera_file(scene.camera, pose=False)
+    plain, sized = (run(scene, file, size=size, depth=scene.depth) for size in (None, 2.0))
+    np.testing.assert_array_equal(plain.camera.world_from_camera, sized.camera.world_from_camera)
+    assert any("ignored" in warning for warning in sized.warnings)
+
+
+def test_depth_without_a_plane_still_fixes_the_distance(scene_of, camera_file):
+    scene = scene_of([((0, 0, 0), (0.06, 0.06, 0.06))], table=False)
+    depth = np.where(scene.mask, scene.depth, 0.0)
+    result = run(scene, camera_file(scene.camera, pose=False), depth=depth)
+    assert result.ground_height is None
+    assert "depth" in result.scale_source
+    assert result.camera.project(np.zeros((1, 3)))[1][0] == pytest.approx(0.555, abs=0.01)
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, float("nan"), float("inf"), 1e6])
+def test_impossible_sizes_are_refused(teddy, size):
+    with pytest.raises(InputError, match="size of the object"):
+        run(teddy, size=size)
+
+
+def test_an_empty_keyframe_is_refused(teddy):
+    nothing = np.zeros_like(teddy.masks.object)
+    with pytest.raises(InputError, match="no object"):
+        run(replace(teddy, masks=Masks(nothing, nothing, 0)))
+
+
+def test_depth_needs_intrinsics(teddy):
+    with pytest.raises(InputError, match="camera file"):
+        run(teddy, depth=teddy.depth)
+
+
+def test_the_same_clip_gives_the_same_calibration(teddy):
+    first, second = run(teddy), run(teddy)
+    assert first.camera.world_from_camera.tobytes() == second.camera.world_from_camera.tobytes()
+    assert first.camera_source == second.camera_source
