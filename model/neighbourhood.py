@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from model.types import Array
 
 NEIGHBOUR_COUNT = 10
-REACH = 2.0
+REACH = 2.5
 """Edges longer than this many local spacings jump a gap (arm to body) and are left out."""
 
 
@@ -28,7 +28,7 @@ def neighbourhood_graph(points: Float[Array, "N 3"]) -> csr_matrix:
     if neighbours == 0:
         return csr_matrix((count, count))
     distance, index = cKDTree(points).query(points, k=neighbours + 1)
-    spacing = distance[:, min(4, neighbours)]
+    spacing = distance[:, min(2, neighbours)]  # even a string has two neighbours that touch
     source = np.repeat(np.arange(count), neighbours)
     target, length = index[:, 1:].ravel(), distance[:, 1:].ravel()
     near = length <= REACH * np.minimum(spacing[source], spacing[target]) + 1e-12

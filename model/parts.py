@@ -89,7 +89,7 @@ class _Partition:
         """Clusters of some of the nodes, which must be connected."""
         inside = self.graph[nodes][:, nodes]
         points, values = self.points[nodes], self.values[nodes]
-        return spectral_clusters(inside, points, values, count, self.least, self.seed)
+        return spectral_clusters(inside, points, values, count, self.seed)
 
     def tidy(self, labels: Int[Array, " G"]) -> Int[Array, " G"]:
         """Vote at the borders, keep one piece per label, dissolve what is too small."""

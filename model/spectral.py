@@ -15,10 +15,8 @@ AFFINITY_FLOOR = 1e-3
 """Affinity of the most different neighbours: even a sharp border still conducts a little."""
 SPREAD_SHARE = 0.3
 """Differences between adjacent cells below this share of the spread of all features are no border."""
-ATTEMPTS = 10
+ATTEMPTS = 20
 """Runs of k-means, of which the best counts."""
-SURPLUS = (0, 2, 4)
-"""Clusters found beyond those wanted, before the best merges bring them down."""
 
 
 def spectral_clusters(
@@ -26,23 +24,20 @@ def spectral_clusters(
     points: Float[Array, "N 3"],
     features: Float[Array, "N D"],
     count: int,
-    least: int,
     seed: int,
 ) -> Int[Array, " N"]:
     """Cut a graph where few edges cross or where features change.
 
     The graph is coarsened to geodesic cells around evenly spread seeds; two cells conduct by the number of
     edges between them and the likeness of their mean features (relative to what is usual between adjacent
-    cells, so that any encoder's units will do). The relaxed normalised cut embeds the cells, k-means reads
-    clusters off, once as many as wanted and again a few more that are merged; the one with the fewest too
-    small clusters, and then the least cut, is taken.
+    cells, so that any encoder's units will do). The relaxed normalised cut embeds the cells and k-means reads
+    the clusters off. (Choosing among several by the cut itself was tried: it slides the cut along a limb.)
 
     Args:
         graph: Connected, symmetric, edges weighted by length [m].
         points: Positions of its nodes [m].
         features: On its nodes.
         count: How many clusters to look for (fewer nodes than that: one cluster each).
-        least: How many nodes a cluster should have.
         seed: Of k-means.
 
     Returns:
@@ -58,17 +53,9 @@ def spectral_clusters(
     affinity = _affinity(graph, cell, np.asarray(features, np.float64))
     if affinity.shape[0] <= count:
         return cell
-    most = min(count + max(SURPLUS), affinity.shape[0] - 1)
-    vectors = _eigenvectors(affinity, most)
-    sizes = np.bincount(cell)
-    best, lowest = np.zeros(affinity.shape[0], np.int64), (affinity.shape[0], np.inf)
-    for number in sorted({min(count + surplus, most) for surplus in SURPLUS}):
-        rows = vectors[:, :number]
-        rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12)
-        labels, cost = _merge_down(affinity, sizes, _k_means(rows, number, seed), count, least)
-        if cost < lowest:
-            best, lowest = labels, cost
-    clusters: Int[Array, " N"] = best[cell]
+    rows = _eigenvectors(affinity, count)
+    rows = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), 1e-12)
+    clusters: Int[Array, " N"] = _k_means(rows, count, seed)[cell]
     return clusters
 
 
@@ -121,51 +108,6 @@ def _eigenvectors(affinity: csr_matrix, count: int) -> Float64[Array, "n k"]:
         vectors = vectors[:, np.argsort(values)]
     first: Float64[Array, "n k"] = vectors[:, :count]
     return first
-
-
-def _merge_down(
-    affinity: csr_matrix, sizes: Int[Array, " n"], labels: Int[Array, " n"], count: int, least: int
-) -> tuple[Int[Array, " n"], tuple[int, float]]:
-    """Merge adjacent clusters, each time the pair that leaves the lowest cost; that cost."""
-    labels = np.unique(labels, return_inverse=True)[1]
-    member = coo_matrix((np.ones(len(labels)), (labels, np.arange(len(labels))))).tocsr()
-    between, held = (member @ affinity @ member.T).toarray(), member @ sizes
-    while len(between) > count:
-        pairs = [(a, b) for a in range(len(between)) for b in range(a) if between[a, b] > 0.0]
-        if not pairs:
-            break
-        costs = [_cost(_merged(between, a, b), _moved(held, a, b), least) for a, b in pairs]
-        gone, keep = pairs[costs.index(min(costs))]
-        between, held = _merged(between, gone, keep), _moved(held, gone, keep)
-        labels = np.where(labels == gone, keep, labels)
-        labels = labels - (labels > gone)
-    return labels, _cost(between, held, least)
-
-
-def _merged(between: Float64[Array, "m m"], gone: int, keep: int) -> Float64[Array, "l l"]:
-    """Affinities with one cluster added to another and removed."""
-    merged = between.copy()
-    merged[keep] += merged[gone]
-    merged[:, keep] += merged[:, gone]
-    return np.delete(np.delete(merged, gone, axis=0), gone, axis=1)
-
-
-def _moved(held: Float64[Array, " m"], gone: int, keep: int) -> Float64[Array, " l"]:
-    """Sizes with one cluster added to another and removed."""
-    moved = held.copy()
-    moved[keep] += moved[gone]
-    return np.delete(moved, gone)
-
-
-def _cost(between: Float64[Array, "m m"], held: Float64[Array, " m"], least: int) -> tuple[int, float]:
-    """How many clusters are too small; then the normalised cut.
-
-    The cut is the sum over clusters of the share of their affinity that leaves them, rounded so that ties
-    stay ties.
-    """
-    total = np.maximum(between.sum(axis=1), 1e-12)
-    cut = float((1.0 - between.diagonal() / total).sum())
-    return int((held < least).sum()), round(cut, 9)
 
 
 def _k_means(rows: Float64[Array, "n k"], count: int, seed: int) -> Int[Array, " n"]:

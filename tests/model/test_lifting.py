@@ -105,7 +105,7 @@ def test_behind_the_camera_and_outside_the_image_nothing_is_seen():
 
 
 def test_what_is_close_by_is_tested_at_a_lower_resolution_with_the_same_answer():
-    front, back = wall(-0.9, half=0.03), wall(-0.85, half=0.02)
+    front, back = wall(-0.9, half=0.03), wall(-0.85, half=0.02, centre=(0.005, 0.005))
     seen = visible_gaussians(gaussians(np.concatenate([front, back])), CAMERA, EVERYWHERE)
     assert not seen[len(front) :].any()
     assert seen[: len(front)].any()
@@ -133,11 +133,20 @@ def test_seen_gaussians_sample_the_map_where_they_project():
     )
 
 
+def test_samples_are_taken_at_the_very_pixel():
+    """A parabola around the middle of the image stays centred there: half a cell off, it would lean."""
+    shape = gaussians(wall())
+    features = lift_features(map_of(lambda x, y: (((x - 159.5) / 10) ** 2,)), shape, CAMERA, EVERYWHERE)
+    pixels, _ = CAMERA.project(shape.means)
+    expected = ((pixels[:, 0] - 159.5) / 10) ** 2
+    np.testing.assert_allclose(features.values[:, 0], expected - expected.mean(), atol=0.06)
+
+
 def test_the_background_does_not_bleed_in():
     mask = np.zeros((240, 320), bool)
-    mask[90:150, 130:190] = True
+    mask[88:152, 128:192] = True
     field = map_of(lambda x, y: (np.where((x > 128) & (x < 192) & (y > 88) & (y < 152), 1.0, 100.0), y * 0))
-    shape = gaussians(wall(half=0.07))
+    shape = gaussians(wall(half=0.079))
     features = lift_features(field, shape, CAMERA, mask)
     seen = features.origin == Features.SEEN
     assert np.ptp(features.values[seen], axis=0).max() < 1.0

@@ -37,6 +37,13 @@ def test_no_edge_jumps_a_gap():
     assert pieces(edges) == 1
 
 
+def test_two_strings_side_by_side_are_joined_once():
+    """Three spacings apart: nearer than the tenth neighbour along the string."""
+    string = np.arange(30)[:, None] * np.array([[SPACING, 0.0, 0.0]])
+    graph = neighbourhood_graph(np.concatenate([string, string + np.array([0.0, 3 * SPACING, 0.0])])).tocoo()
+    assert ((graph.row < 30) & (graph.col >= 30)).sum() <= 2
+
+
 def test_separate_pieces_are_joined_where_they_come_closest():
     left, right = block(4, 4, 4), block(4, 4, 4, shift=(20 * SPACING, 0, 0))
     graph = neighbourhood_graph(np.concatenate([left, right])).tocoo()

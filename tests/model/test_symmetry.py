@@ -32,6 +32,14 @@ def test_mirroring_twice_is_nothing():
     np.testing.assert_allclose(mirror(mirror(points, normal, 0.3), normal, 0.3), points, atol=1e-12)
 
 
+def test_a_bump_on_one_side_does_not_tilt_the_plane():
+    """Principal axes and centroid lean towards it; the overlap of the rest does not."""
+    bump = grid(0.15, 0.15, 0.3) + np.array([-0.2, -0.1, 0.25])
+    found = find_reflections(np.concatenate([one_sided(), bump]), tolerance=SPACING)
+    assert abs(found[0].normal[2]) > np.cos(np.deg2rad(2.0))
+    assert abs(found[0].offset) < 0.25 * SPACING
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_the_one_plane_of_a_lopsided_body_is_found_wherever_it_lies(seed):
     turn, shift = rotation(seed), np.array([1.0, -2.0, 0.5])
