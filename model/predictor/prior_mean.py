@@ -7,6 +7,7 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from model.predictor.base import ParameterPredictor
+from model.predictor.lattice import lattice_stiffness
 from model.predictor.stability import fastest, stable_step
 from model.types import (
     Array,
@@ -21,8 +22,6 @@ from model.types import (
     Tracks,
 )
 
-LATTICE = {"solid": 6.0, "rope": 6.0, "sheet": 3.0}
-"""Σ k L² over (volume × Young's modulus) of an isotropic network of central springs."""
 SUBSTEPS = 250
 """Substeps per frame of 1/30 s that a twin may cost; stiffer priors are limited to it."""
 MARGIN = 1.2
@@ -37,27 +36,17 @@ POOLED = {"drag_rate": "1/s", "friction": "1", "restitution": "1"}
 
 
 class PriorMeanPredictor(ParameterPredictor):
-    r"""Each part gets its prior's mean modulus, the object its prior's mean global parameters.
+    """Each part gets its prior's mean modulus, the object its prior's mean global parameters.
 
-    A network of central springs without preferred direction that deforms affinely has the energy density
-    $\frac{1}{2V}\sum k L^2 (n\cdot\varepsilon n)^2$; averaging over directions gives Lamé constants
-    $\lambda=\mu=\frac{1}{15V}\sum kL^2$ in space and $\frac{1}{8A}\sum kL^2$ in a plane, hence
+    The springs of a part share its modulus as `model.predictor.lattice` says, with the part's volume its mass
+    over its density.
 
-    $E = \frac{1}{6V}\sum kL^2$ (solid) and $E h = \frac{1}{3A}\sum kL^2$ (sheet of thickness h).
-
-    A rope here has several points per section, so it is a slender solid: $E A_c$ over its length is the
-    same sum. (Springs all along the axis would have $E A_c=\sum kL^2/\mathrm{length}$.) With V the part's
-    mass over its density and k = Y/L, the part's Y follows; springs across a border take the mean Y of
-    their two parts.
-
-    The dashpot has the prior's damping ratio ζ at the scale of a spring, $2\zeta\sqrt{km}$ (median).
+    The dashpot has the prior's damping ratio ζ at the scale of a spring, 2ζ√(km) (median).
     Modes slower than that are damped less by it; drag acts on them. Where the explicit integration
     would need more than `SUBSTEPS`, all stiffness is scaled down and a warning says so.
 
     Reference:
-        Hrennikoff (1941), Solution of problems of elasticity by the framework method (Poisson's ratio
-        1/4 in space, 1/3 in a plane); Kot, Nagahashi and Szymczak (2015), Elastic moduli of simple
-        mass spring models; Jiang et al. (2025), PhysTwin (k = Y/L).
+        Jiang et al. (2025), PhysTwin (springs with dashpots along their axes, drag, k = Y/L).
     """
 
     name = "prior-mean"
@@ -76,7 +65,8 @@ class PriorMeanPredictor(ParameterPredictor):
     ) -> Parameters:
         """Parametrise the topology; frames, masks and tracks are not looked at."""
         volume = _volumes(topology, priors)
-        stiffness = _lattice_stiffness(topology, priors, volume, shape_class)
+        modulus = np.array([prior.properties["stiffness"].mean for prior in priors])
+        stiffness = lattice_stiffness(topology, modulus, volume, shape_class)
         held = _grip_stiffness(topology, stiffness)
         damping, damping_spread = _pooled(priors, volume, "damping")
         frequency_squared = fastest(topology, stiffness, held)
@@ -106,22 +96,6 @@ def _volumes(topology: Topology, priors: Sequence[MaterialPrior]) -> Float64[Arr
     """Volume of each part [m³]: the mass of its points over its density."""
     mass = np.bincount(topology.part, topology.mass.astype(np.float64), minlength=len(priors))
     return np.asarray(mass / [prior.properties["density"].mean for prior in priors], np.float64)
-
-
-def _lattice_stiffness(
-    topology: Topology,
-    priors: Sequence[MaterialPrior],
-    volume: Float64[Array, " K"],
-    shape_class: ShapeClass,
-) -> Float64[Array, " E"]:
-    """Stiffness k = Y/L with each part's Y such that its network has the prior's modulus [N/m]."""
-    length = topology.rest_length.astype(np.float64)
-    ends = topology.part[topology.springs]
-    # half of every spring belongs to each of its ends, so half of a border spring to each part
-    total = sum(np.bincount(ends[:, side], 0.5 * length, minlength=len(priors)) for side in (0, 1))
-    modulus = np.array([prior.properties["stiffness"].mean for prior in priors])
-    per_strain = LATTICE[shape_class] * modulus * volume / np.where(total > 0, total, np.inf)
-    return np.asarray(per_strain[ends].mean(axis=1) / length, np.float64)
 
 
 def _grip_stiffness(topology: Topology, stiffness: Float64[Array, " E"]) -> Float64[Array, " S"]:

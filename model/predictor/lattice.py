@@ -1,0 +1,81 @@
+"""Stiffness of springs such that their network has a given Young's modulus."""
+
+import numpy as np
+from jaxtyping import Float, Float64
+from scipy.spatial import cKDTree
+
+from model.types import Array, ShapeClass, Topology
+
+SHEET = 3.0
+"""Area density of Σ k L² over the modulus of an isotropic plane network."""
+_SURROUNDINGS = 40
+"""Points that say which way the body runs."""
+
+
+def lattice_stiffness(
+    topology: Topology,
+    modulus: Float[Array, " K"],
+    volume: Float[Array, " K"],
+    shape_class: ShapeClass,
+) -> Float64[Array, " E"]:
+    r"""Springs k = Y/L with each part's Y such that stretching the part shows its modulus [N/m].
+
+    A network of central springs that deforms affinely has the energy density
+    $\frac{1}{2V}\sum k L^2 (n\cdot\varepsilon n)^2$, so its elasticity tensor is
+    $C=\frac1V\sum kL^2\,n\otimes n\otimes n\otimes n$. Without preferred direction that is
+    $\lambda=\mu=\frac{1}{15V}\sum kL^2$ in space and $\frac{1}{8A}\sum kL^2$ in a plane, hence
+
+    $E = \frac{1}{6V}\sum kL^2$ (solid) and $E h = \frac{1}{3A}\sum kL^2$ (sheet of thickness h).
+
+    In a limb or a rope a few points thick, more springs run along than across (each point misses the
+    neighbours beyond the surface), which makes it stiffer along by up to a fifth. So for solids and ropes
+    C is summed with θ, the angle to the direction in which the body runs locally, and symmetric about it:
+
+    $E = C_{11} - 2C_{12}^2/(C_{22}+C_{23})$ with $C_{11}=\langle\cos^4\theta\rangle$,
+    $C_{12}=\frac12\langle\cos^2\theta\sin^2\theta\rangle$, $C_{22}+C_{23}=\frac12\langle\sin^4\theta\rangle$
+
+    (each times $\sum kL^2/V$): 1/6 for directions without preference, 1 for springs all along the axis.
+    Springs across a border take the mean Y of their two parts.
+
+    Args:
+        topology: Springs and their rest lengths.
+        modulus: Young's modulus per part [Pa].
+        volume: Per part [m³].
+        shape_class: Sheet, rope or solid.
+
+    Reference:
+        Hrennikoff (1941), Solution of problems of elasticity by the framework method; Kot, Nagahashi and
+        Szymczak (2015), Elastic moduli of simple mass spring models (E from Σ k L², Poisson's ratio 1/4);
+        Jiang et al. (2025), PhysTwin (k = Y/L).
+    """
+    length = topology.rest_length.astype(np.float64)
+    ends = topology.part[topology.springs]
+
+    def per_part(values: Float64[Array, "E 2"]) -> Float64[Array, " K"]:
+        # half of every spring belongs to each of its ends, so half of a border spring to each part
+        total: Float64[Array, " K"] = np.bincount(ends.ravel(), 0.5 * values.ravel(), minlength=len(modulus))
+        return total
+
+    both = np.repeat(length[:, None], 2, axis=1)
+    if shape_class == "sheet":
+        resistance = per_part(both) / SHEET
+    else:
+        along = _squared_cosines(topology)
+        axial, mixed = per_part(both * along**2), 0.5 * per_part(both * along * (1.0 - along))
+        across = 0.5 * per_part(both * (1.0 - along) ** 2)
+        resistance = axial - 2.0 * mixed**2 / np.maximum(across, 1e-12 * length.sum())
+    strength = modulus * volume / np.where(resistance > 0, resistance, np.inf)
+    return np.asarray(strength[ends].mean(axis=1) / length, np.float64)
+
+
+def _squared_cosines(topology: Topology) -> Float64[Array, "E 2"]:
+    """Of the angle between each spring and the direction in which the body runs around either end."""
+    points = topology.points.astype(np.float64)
+    count = min(_SURROUNDINGS, len(points))
+    around = points[cKDTree(points).query(points, count)[1].reshape(len(points), count)]
+    around = around - around.mean(axis=1, keepdims=True)
+    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, -1]
+    first, second = topology.springs.T
+    direction = (points[second] - points[first]) / topology.rest_length.astype(np.float64)[:, None]
+    squares = [np.einsum("ei,ei->e", direction, axes[end]) ** 2 for end in (first, second)]
+    return np.stack(squares, axis=1)
