@@ -234,7 +234,7 @@ def _turned(
     cosine, sine = np.cos(angle), np.sin(angle)
     zero, one = np.zeros_like(angle), np.ones_like(angle)
     turn = np.stack([cosine, -sine, zero, sine, cosine, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
-    return np.asarray(np.einsum("ij,tjk,lk,cl->tci", axes, turn, axes.T, offsets), np.float64)
+    return np.asarray(np.einsum("ij,tjk,lk,cl->tci", axes, turn, axes, offsets), np.float64)
 
 
 def _resting_places(

@@ -82,7 +82,7 @@ def follow_grip(
                 position[index], angle[index] = position[index - 1], angle[index - 1]
             frame = start + index
             position[index], touching[index] = _to_border(
-                masks.object[frame], masks.hand[frame], position[index]
+                masks.object[frame], masks.hand[frame], position[index], bool(tracked[index])
             )
     return GripPath(smoothed(position), smoothed(angle[:, None])[:, 0], tracked, touching)
 
@@ -176,9 +176,12 @@ def _common_motion(
 
 
 def _to_border(
-    object_mask: Bool[Array, "H W"], hand_mask: Bool[Array, "H W"], grip: Float64[Array, " 2"]
+    object_mask: Bool[Array, "H W"], hand_mask: Bool[Array, "H W"], grip: Float64[Array, " 2"], tracked: bool
 ) -> tuple[Float64[Array, " 2"], bool]:
-    """The grip, or the nearest place near both hand and object; and whether there is one."""
+    """The grip, or the nearest place near both hand and object; and whether there is one.
+
+    A tracked grip may leave the border a little before it is pulled back; another goes there.
+    """
     reach = touch_distance(object_mask)
     if not hand_mask.any() or not object_mask.any():
         return grip, False
@@ -194,6 +197,5 @@ def _to_border(
     offset = places - grip
     nearest = offset[np.argmin((offset**2).sum(axis=1))]
     away = float(np.linalg.norm(nearest))
-    # inside the band nothing is corrected; outside, only what exceeds it
-    slack = 2.0 * reach
+    slack = 2.0 * reach if tracked else 0.0
     return (grip, True) if away <= slack else (grip + nearest * (1.0 - slack / away), True)

@@ -45,9 +45,9 @@ def build_topology(
 
     Points are spread evenly through the Gaussians (one layer on the middle surface of a sheet, no finer
     than a dozen per section in a rope). Each weighs what the Gaussians nearest to it weigh. How many
-    springs a point asks for and how long they may be follow from its part's material - softer or denser: more; harder
-    or sparser: fewer - and from the local spacing. Springs run inside the body only; few cross from part
-    to part; everything is one piece. Controllers hold the points nearest to where they start.
+    springs a point asks for and how long they may be follow from its part's material (softer or denser:
+    more; harder or sparser: fewer) and from the local spacing. Springs run inside the body only; few cross
+    from part to part; everything is one piece. Controllers hold the points nearest to where they start.
 
     Args:
         gaussians: The body.
