@@ -39,9 +39,9 @@ NOISE = 1.6 / 255
 WAY = (
     (0.00, 0, 0, 0),
     (0.17, 0, 0, 0),
-    (0.90, -0.050, -0.080, 0.170),
-    (1.45, 0.060, -0.120, 0.195),
-    (2.00, 0.000, -0.110, 0.165),
+    (0.90, -0.045, -0.010, 0.135),
+    (1.45, 0.055, -0.020, 0.150),
+    (2.00, 0.000, -0.010, 0.120),
 )
 """Where the hand goes: time [s] and displacement x, y, z [m]."""
 
@@ -67,7 +67,8 @@ def make_demo_clip(path: Path, seed: int = 0, truth_dir: Path | None = None) -> 
     Args:
         path: The MP4 to write, whole or not at all.
         seed: For textures, the jitter of the samples and the sensor's noise.
-        truth_dir: Where to write `camera.json`, `object/NNNN.png` and `hand/NNNN.png`, if anywhere.
+        truth_dir: Where to write `camera.json`, `controllers.npz`, `object/NNNN.png` and `hand/NNNN.png`,
+            if anywhere.
 
     Raises:
         InputError: nothing can be written there.
@@ -82,7 +83,7 @@ def make_demo_clip(path: Path, seed: int = 0, truth_dir: Path | None = None) -> 
     with replacing(path) as temporary:
         temporary.write_bytes(encode_mp4(pictures, np.arange(len(pictures)) / FPS))
     if truth_dir is not None:
-        _write_truth(truth_dir, scene.camera, object_masks, hand_masks)
+        _write_truth(truth_dir, scene, object_masks, hand_masks)
 
 
 def set_scene(rng: np.random.Generator) -> DemoScene:
@@ -184,9 +185,10 @@ def _rendered(
 
 
 def _write_truth(
-    folder: Path, camera: Camera, things: list[Bool[Array, "H W"]], hands: list[Bool[Array, "H W"]]
+    folder: Path, scene: DemoScene, things: list[Bool[Array, "H W"]], hands: list[Bool[Array, "H W"]]
 ) -> None:
-    """The camera in the form that `--camera` reads, and the masks as PNG files."""
+    """Camera and controllers in the forms that `--camera` and `--controllers` read, and the masks."""
+    camera = scene.camera
     record = {
         "intrinsics": camera.intrinsics.tolist(),
         "width": camera.width,
@@ -196,6 +198,9 @@ def _write_truth(
     }
     with replacing(folder / "camera.json") as temporary:
         temporary.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    motion = scene.topology.controller_points + (scene.grip - GRIP)[:, None]
+    with replacing(folder / "controllers.npz") as temporary:
+        np.savez(temporary, controllers=motion, times=np.arange(len(motion)) / FPS)
     for name, masks in (("object", things), ("hand", hands)):
         for frame, mask in enumerate(masks):
             _, png = cv2.imencode(".png", mask.astype(np.uint8) * 255)
