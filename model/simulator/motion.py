@@ -87,7 +87,7 @@ class Motion:
 
     def pull(self, forces: Float[Tensor, "*b e 3"]) -> Float[Tensor, "*b N 3"]:
         """Net force [N] on each point of edges that pull their first end with `forces` [N]."""
-        total = self.edges.total(-forces)
+        total = -self.edges.total(forces)
         return total if self.anchors is None else total.narrow(-2, 0, self.edges.point_count)
 
 
