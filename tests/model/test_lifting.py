@@ -105,7 +105,7 @@ def test_behind_the_camera_and_outside_the_image_nothing_is_seen():
 
 
 def test_what_is_close_by_is_tested_at_a_lower_resolution_with_the_same_answer():
-    front, back = wall(-0.9, half=0.03), wall(-0.85, half=0.02, centre=(0.005, 0.005))
+    front, back = wall(-0.9, half=0.03), wall(-0.85, half=0.02, centre=(0.0075, 0.0075))
     seen = visible_gaussians(gaussians(np.concatenate([front, back])), CAMERA, EVERYWHERE)
     assert not seen[len(front) :].any()
     assert seen[: len(front)].any()

@@ -29,7 +29,7 @@ def test_same_image_same_bytes(encoder):
 
 def test_channels_are_normalised(encoder):
     features = encoder(noise_image((128, 128)))
-    assert np.abs(features).max() < 10.0
+    assert np.abs(features).max() < 5.0
 
 
 def test_colours_of_equal_lightness_are_told_apart(encoder):

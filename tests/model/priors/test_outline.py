@@ -21,11 +21,11 @@ def flat(mask, level=150):
     return image
 
 
-def rounded(mask):
+def rounded(mask, light=220, dark=60):
     """Lit from the left, darker to the right: what a body with volume looks like."""
     image = flat(mask)
     columns = np.nonzero(mask.any(axis=0))[0]
-    ramp = np.interp(np.arange(SIZE[1]), [columns[0], columns[-1]], [220, 60])
+    ramp = np.interp(np.arange(SIZE[1]), [columns[0], columns[-1]], [light, dark])
     image[mask] = np.broadcast_to(ramp[None, :, None], image.shape)[mask].astype(np.uint8)
     return image
 
@@ -43,6 +43,13 @@ def star(canvas):
         cv2.line(canvas, (160, 120), end, 1, thickness=24)
 
 
+def spider(canvas):
+    cv2.circle(canvas, (160, 120), 24, 1, -1)
+    for angle in np.deg2rad([0, 60, 120, 180, 240, 300]):
+        end = (int(160 + 112 * np.cos(angle)), int(120 + 112 * np.sin(angle)))
+        cv2.line(canvas, (160, 120), end, 1, thickness=14)
+
+
 @pytest.mark.parametrize(
     ("image", "mask", "shape"),
     [
@@ -51,9 +58,11 @@ def star(canvas):
         (flat(ROPE), ROPE, "rope"),
         (rounded(ROPE), ROPE, "rope"),
         (rounded(BALL), BALL, "solid"),
+        (rounded(BALL, 160, 120), BALL, "solid"),
         (rounded(drawn(star)), drawn(star), "solid"),
+        (rounded(drawn(spider)), drawn(spider), "solid"),
     ],
-    ids=["cloth", "cushion", "rope", "lit rope", "ball", "toy"],
+    ids=["cloth", "cushion", "rope", "lit rope", "ball", "softly lit ball", "toy", "thin-limbed toy"],
 )
 def test_outlines(image, mask, shape):
     assert guess_shape(image, mask) == shape
