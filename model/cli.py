@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from model.doubts import collect_doubts
 from model.errors import InputError
 from model.files import check_writable, replacing
 from model.progress import StageReport, progress
@@ -99,7 +100,7 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
     from model.pipeline import TwinOptions, build_twin
 
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-    with progress(quiet) as report:
+    with progress(quiet) as report, collect_doubts() as doubts:
         result = build_twin(video, TwinOptions(**given), report)
         result.bundle.save(out)
         if preview is not None and result.bundle.preview is not None:
@@ -113,7 +114,7 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
         print_stages(result.bundle, result.seconds)
         click.echo(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, {sum(result.seconds.values()):.1f} s)")
     if not quiet:
-        _warn(result.bundle.manifest.warnings)
+        _warn([*result.bundle.manifest.warnings, *doubts])
 
 
 @matphys.command()
@@ -147,9 +148,8 @@ def simulate(
     from model.trajectory import write_trajectory
 
     bundle = TwinBundle.load(twin)
-    with progress(quiet) as report, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        trajectory, doubts = _roll(bundle, controls, substeps, report)
+    with progress(quiet) as report, collect_doubts() as doubts:
+        trajectory = _roll(bundle, controls, substeps, report)
         write_trajectory(out, trajectory)
         if video is not None:
             _draw(video, bundle, trajectory, report)
@@ -167,7 +167,7 @@ def simulate(
         if video is not None:
             click.echo(f"wrote {video}")
     if not quiet:
-        _warn([*doubts, *(str(entry.message) for entry in caught)])
+        _warn(doubts)
 
 
 @matphys.command()
@@ -260,25 +260,22 @@ def _check_outputs(source: Path, *outputs: Path | None) -> None:
 
 def _roll(
     bundle: "TwinBundle", controls: Path | None, substeps: int | None, report: StageReport
-) -> "tuple[Trajectory, list[str]]":
-    """The motion, and doubts about it."""
+) -> "Trajectory":
     report("simulation", 0.0)
 
     def follow(share: float) -> None:
         report("simulation", share)
 
     if controls is None:
-        return bundle.rollout(None, follow, substeps=substeps), []
+        return bundle.rollout(None, follow, substeps=substeps)
     from model.controls import read_controls
 
     given = read_controls(controls, len(bundle.topology.controller_points))
     jump = float(abs(given.motion[0] - bundle.topology.controller_points).max(initial=0.0))
-    doubts = []
     if jump > JUMP_LIMIT:
-        doubts.append(
-            f"{controls.name} starts {jump:.3g} m from where the controllers are at rest: a jerk follows"
-        )
-    return bundle.rollout(given.motion, follow, times=given.times, substeps=substeps), doubts
+        where = f"{jump:.3g} m from where the controllers are at rest"
+        warnings.warn(f"{controls.name} starts {where}: a jerk follows", stacklevel=2)
+    return bundle.rollout(given.motion, follow, times=given.times, substeps=substeps)
 
 
 def _draw(path: Path, bundle: "TwinBundle", trajectory: "Trajectory", report: StageReport) -> None:

@@ -3,6 +3,7 @@ import json
 import subprocess
 import sys
 import types
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -142,6 +143,16 @@ class TestTwin:
 
     def test_quiet(self, run, pipeline, clip: Path, tmp_path: Path):
         assert run("twin", clip, "--out", tmp_path / "a.twin.zip", "--quiet") == Outcome(0, "", "")
+
+    def test_warnings_of_the_work_are_said_once_at_the_end(self, run, pipeline, clip: Path, tmp_path: Path):
+        def warn() -> None:
+            for _ in range(3):
+                warnings.warn("the renderer is slow", UserWarning, stacklevel=1)
+                warnings.warn("old name", DeprecationWarning, stacklevel=1)
+
+        pipeline.act = warn
+        lines = run("twin", clip, "--out", tmp_path / "a.twin.zip").stderr.splitlines()
+        assert lines[2:] == ["warning: segmentation: dark", "warning: the renderer is slow"]
 
     def test_preview(self, run, pipeline, clip: Path, tmp_path: Path):
         run("twin", clip, "--out", tmp_path / "a.twin.zip", "--preview", tmp_path / "a.mp4")
@@ -290,7 +301,7 @@ class TestSimulate:
         outcome, arrays = self.simulate(run, twin_path, "--controls", path)
         np.testing.assert_allclose(arrays["times"], [0, 0.02, 0.05, 0.06])
         assert arrays["points"].shape == (4, 27, 3)
-        assert "warning" not in outcome.stderr
+        assert "from where the controllers" not in outcome.stderr
 
     def test_a_jump_is_said(self, run, twin_path: Path, tensors):
         np.savez(twin_path.parent / "controls.npz", controls=tensors["controls"] + 0.05)
