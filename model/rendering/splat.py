@@ -76,10 +76,10 @@ class SplatRenderer(Renderer):
         nothing[0, 0] = -1e4
         quadratic = torch.cat([quadratic, nothing])
         payload = torch.cat([payload, payload.new_zeros(1, channels)])
+        every = torch.arange(len(lists.tiles), device=payload.device)
         finished = [
-            self._composite_batch(lists, batch, quadratic, payload)
-            for batch in torch.arange(len(lists.tiles), device=payload.device).split(BATCH)
-            if len(batch)
+            self._composite_batch(lists, every[begin : begin + BATCH], quadratic, payload)
+            for begin in range(0, len(every), BATCH)
         ]
         if finished:
             done, values = (torch.cat(tensors) for tensors in zip(*finished, strict=True))
