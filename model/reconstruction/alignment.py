@@ -18,7 +18,7 @@ COARSE_SIDE, FINE_SIDE = 72, 160
 """Longer side of the mask's box in the two search images [px]."""
 COLOR_WEIGHT = 0.4
 """What a colour difference of 1 costs against an overlap of 1: tells front from back."""
-KEPT = 6
+KEPT = 4
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def align(
     Resting on the ground (if there is one) on any of its six sides at any heading; then heading, a small
     tilt, scale and position are refined on the overlap of outlines. Deterministic.
     """
-    coarse = _target(surface, image, mask, calibration, COARSE_SIDE, 6_000)
+    coarse = _target(surface, image, mask, calibration, COARSE_SIDE, 4_000)
     starts = []
     for side in range(6):
         for heading in range(HEADINGS):
@@ -103,13 +103,13 @@ def align(
             placement, pixel = _fitted(coarse, turn.as_matrix())
             starts.append((coarse.loss(placement), side * HEADINGS + heading, placement, pixel))
     starts.sort(key=lambda start: start[:2])
-    fine = _target(surface, image, mask, calibration, FINE_SIDE, 20_000)
+    fine = _target(surface, image, mask, calibration, FINE_SIDE, 15_000)
     zoom = fine.camera.intrinsics[0, 0] / coarse.camera.intrinsics[0, 0]
     best: tuple[float, Placement] | None = None
     for _, _, placement, pixel in starts[:KEPT]:
-        refined = _refined(coarse, placement, pixel, 1.0, 160)
+        refined = _refined(coarse, placement, pixel, 1.0, 120)
         shifted = (refined[2] + 0.5) * zoom - 0.5
-        found = _refined(fine, refined[1], shifted, 0.4, 120)
+        found = _refined(fine, refined[1], shifted, 0.4, 90)
         if best is None or found[0] < best[0]:
             best = found[:2]
     assert best is not None
@@ -165,7 +165,7 @@ def _fitted(target: _Target, rotation: Float64[Array, "3 3"]) -> tuple[Placement
     rows, columns = np.nonzero(target.mask)
     middle, area = np.array([columns.mean(), rows.mean()]), len(rows)
     pixel, scale = middle, 0.5 * target.depth * float(np.sqrt(area)) / target.camera.intrinsics[0, 0]
-    for _ in range(4):
+    for _ in range(3):
         outline, _ = target.render(target.place(rotation, scale, pixel))
         rows, columns = np.nonzero(outline)
         if len(rows) == 0:

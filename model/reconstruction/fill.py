@@ -89,13 +89,13 @@ def fill(
 
 
 def sheet_filling(
-    points: Float64[Array, "G 3"], normal: Float64[Array, " 3"], spacing: float, thickness: float
+    points: Float64[Array, "G 3"], normals: Float64[Array, "G 3"], spacing: float, thickness: float
 ) -> Filling:
     """One layer of flat Gaussians, each standing for a tile of `spacing`² × `thickness` [m]."""
     count = len(points)
     scales = np.tile([SHEET_SPREAD * spacing, SHEET_SPREAD * spacing, 0.4 * thickness], (count, 1))
     volumes = np.full(count, spacing**2 * thickness)
-    return Filling(points, np.tile(normal, (count, 1)), scales, volumes, spacing)
+    return Filling(points, normals, scales, volumes, spacing)
 
 
 def sheet_inset(spacing: float, pixel: float) -> float:

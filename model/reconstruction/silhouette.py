@@ -192,12 +192,8 @@ def _sheet(mask: Bool[Array, "H W"], calibration: Calibration) -> Filling:
     points = lattice @ axes + offset * normal
     pixels, depth = camera.project(points)
     distance = sample_image(mask_distance(mask), pixels, -10.0) * depth / camera.intrinsics[0, 0]
-    filling = sheet_filling(
-        points[distance > sheet_inset(spacing, pixel_size(mask, calibration))],
-        normal,
-        spacing,
-        SHEET_THICKNESS,
-    )
+    points = points[distance > sheet_inset(spacing, pixel_size(mask, calibration))]
+    filling = sheet_filling(points, np.tile(normal, (len(points), 1)), spacing, SHEET_THICKNESS)
     share = area * SHEET_THICKNESS / len(filling.means)
     return Filling(
         filling.means, filling.normals, filling.scales, np.full(len(filling.means), share), spacing

@@ -53,7 +53,7 @@ def ellipsoid_depth(camera: Camera, rays: np.ndarray, center: np.ndarray, radii:
     return np.where(root > 0, (-b - np.sqrt(np.maximum(root, 0))) / a, np.inf)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def scene_of() -> Callable[..., Scene]:
     """Make a scene of ellipsoids (center, radii) [m], on a table or in front of changing clutter."""
 

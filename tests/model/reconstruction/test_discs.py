@@ -41,7 +41,7 @@ def test_small_discs_in_the_rim_of_a_large_one_are_nested_and_limbs_are_not():
     mask = disc(40) | (np.abs(np.arange(200)[:, None] - 100) < 8) & (np.arange(200)[None] > 20)
     discs = inscribed(mask, np.array([0.0, 1.0]), 1.0)
     from_middle = np.hypot(*(discs.centers - 100).T)
-    assert np.all(discs.nested[from_middle > 65] == 0)
+    assert np.all(discs.radii[discs.owners][from_middle > 65] < 10)
     rim = (from_middle < 40) & (discs.radii < 4)
     assert np.all(discs.nested[rim & (from_middle + discs.radii < 42)] > 0.9)
     assert np.all(discs.radii[discs.owners] >= discs.radii)
