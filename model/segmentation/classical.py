@@ -15,6 +15,7 @@ from model.segmentation.keyframe import find_object, hand_regions, object_in_box
 from model.segmentation.propagation import propagate
 from model.segmentation.regions import grown, touching, without_specks
 from model.segmentation.skin import SkinModel
+from model.segmentation.snapping import snap_all
 from model.types import Array, Frames, Masks, Prompt
 
 SMALL_SIDE = 424
@@ -64,7 +65,7 @@ class ClassicalSegmenter(Segmenter):
             _look_back(small, objects, hands, keyframe)
         hands = np.stack([_holding(o, h) for o, h in zip(objects, hands, strict=True)])
         warnings = doubts(labs[keyframe], objects, hands, keyframe)
-        full, hand = enlarge(objects, height, width), enlarge(hands, height, width)
+        full, hand = snap_all(objects, hands, frames.images)
         if prompt.mask is not None:
             full[keyframe] = prompt.mask
         return Masks(full, hand & ~full, keyframe, warnings)
@@ -75,14 +76,6 @@ def shrink(images: UInt8[Array, "T H W 3"], side: int) -> UInt8[Array, "T h w 3"
     scale = min(1.0, side / max(images.shape[1:3]))
     size = round(images.shape[2] * scale), round(images.shape[1] * scale)
     return np.stack([cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images])
-
-
-def enlarge(masks: Bool[Array, "T h w"], height: int, width: int) -> Bool[Array, "T H W"]:
-    """Masks at the full size, their edges smooth."""
-    full = np.empty((len(masks), height, width), bool)
-    for mask, out in zip(masks, full, strict=True):
-        out[:] = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR) > 0.5
-    return full
 
 
 def _seed(

@@ -96,7 +96,7 @@ def grab_cut(lab: Float32[Array, "H W 3"], trimap: Array, rounds: int = 4) -> Bo
     whole = (0, 0, lab.shape[1], lab.shape[0])
     mode = cv2.GC_INIT_WITH_MASK
     labels, _, _ = cv2.grabCut(as_bytes(lab), trimap.copy(), whole, back, front, rounds, mode)
-    return np.asarray(np.asarray(labels) & 1, bool)
+    return np.isin(np.asarray(labels), (cv2.GC_FGD, cv2.GC_PR_FGD))
 
 
 def coherent(
@@ -115,11 +115,9 @@ def coherent(
         part = labels == label
         if (part & near).any():
             main |= part
-    return (
-        without_holes(main, 0.002 * found.size) & ~hand
-        if main.sum() >= MIN_AREA * found.size
-        else main & False
-    )
+    if main.sum() < MIN_AREA * found.size:
+        return np.zeros_like(found)
+    return np.asarray(without_holes(main, 0.002 * found.size) & ~hand)
 
 
 def settle(

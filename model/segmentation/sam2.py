@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import torch
 from jaxtyping import Float, UInt8
+from safetensors import SafetensorError
 
 from model.errors import InputError, MissingDependencyError
 from model.segmentation.base import Segmenter
@@ -102,11 +103,13 @@ class Sam2Segmenter(Segmenter):
     def _model(self) -> Any:  # noqa: ANN401 - a transformers class, imported only here
         try:
             from transformers import Sam2VideoModel
+            from transformers.utils import logging
         except ImportError:
             raise MissingDependencyError("sam2 needs transformers: pip install 'matphys[weights]'") from None
+        logging.disable_progress_bar()
         try:
             return Sam2VideoModel.from_pretrained(self.folder, local_files_only=True).eval()
-        except (OSError, ValueError, RuntimeError) as error:
+        except (OSError, ValueError, RuntimeError, SafetensorError) as error:
             reason = str(error).splitlines()[0]
             raise InputError(f"{self.folder}: not a checkpoint of SAM 2 video: {reason}") from None
 
@@ -130,7 +133,7 @@ def _session(model: Any, frames: Frames) -> Any:  # noqa: ANN401 - transformers 
     from transformers.models.sam2_video.modeling_sam2_video import Sam2VideoInferenceSession
 
     height, width = frames.images.shape[1:3]
-    session = Sam2VideoInferenceSession(video=None, video_height=height, video_width=width)
+    session = Sam2VideoInferenceSession(None, height, width, dtype=torch.float32)
     session.processed_frames = _Pictures(frames.images, model.image_size)
     return session
 
