@@ -57,12 +57,17 @@ def _power(g: Graph, node: Expression, adjoint: Expression) -> Shares:
 
 def _smaller(g: Graph, node: Expression, adjoint: Expression) -> Shares:
     a, b = node.arguments
-    return g.where(g.le(a, b), adjoint, 0.0), g.where(g.lt(b, a), adjoint, 0.0)
+    return _first(g, a, b, adjoint), _first(g, b, a, adjoint)
 
 
 def _larger(g: Graph, node: Expression, adjoint: Expression) -> Shares:
     a, b = node.arguments
-    return g.where(g.le(b, a), adjoint, 0.0), g.where(g.lt(a, b), adjoint, 0.0)
+    return _first(g, b, a, adjoint), _first(g, a, b, adjoint)
+
+
+def _first(g: Graph, a: Expression, b: Expression, adjoint: Expression) -> Expression:
+    """The adjoint where a < b; half of it where they are equal, as torch has it."""
+    return g.where(g.lt(a, b), adjoint, g.where(g.lt(b, a), 0.0, g.mul(0.5, adjoint)))
 
 
 def _chosen(g: Graph, node: Expression, adjoint: Expression) -> Shares:

@@ -1,12 +1,13 @@
 """A symbol that answers to arithmetic and torch functions by recording them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypeAlias, Union
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
     from model.simulator.kernel.graph import Graph
 
-Scalar: TypeAlias = Union["Expression", float, int, bool]
+Scalar: TypeAlias = object
+"""An expression or a number; anything else is refused by name."""
 
 
 class Untraceable(Exception):
@@ -128,8 +129,8 @@ FUNCTIONS = {
     "abs": "abs",
     "add": "add",
     "clamp": "clamp",
-    "clamp_max": "minimum",
-    "clamp_min": "maximum",
+    "clamp_max": "clamp_max",
+    "clamp_min": "clamp_min",
     "cos": "cos",
     "detach": "detach",
     "div": "div",

@@ -118,12 +118,20 @@ class Graph:
     def clamp(self, a: Scalar, min: Scalar | None = None, max: Scalar | None = None) -> Expression:
         """Within bounds."""
         a = self.constant(a)
-        a = a if min is None else self.maximum(a, min)
-        return a if max is None else self.minimum(a, max)
+        a = a if min is None else self.clamp_min(a, min)
+        return a if max is None else self.clamp_max(a, max)
+
+    def clamp_min(self, a: Scalar, min: Scalar) -> Expression:
+        """Not below a bound; at it, the derivative passes."""
+        return self.where(self.lt(a, min), min, a)
+
+    def clamp_max(self, a: Scalar, max: Scalar) -> Expression:
+        """Not above a bound; at it, the derivative passes."""
+        return self.where(self.lt(max, a), max, a)
 
     def relu(self, a: Scalar) -> Expression:
         """The positive part."""
-        return self.maximum(a, 0.0)
+        return self.where(self.lt(0.0, a), a, 0.0)
 
     def zeros_like(self, a: Scalar) -> Expression:
         """0."""
@@ -208,7 +216,9 @@ class Graph:
             first = arguments[:1] if operation == "where" else ()
             arguments = (*first, *(self.number(a) for a in arguments[len(first) :]))
         if all(a.operation == "constant" for a in arguments):
-            return self.constant(PYTHON[operation](*(_number(a) for a in arguments)))
+            folded = _compute(operation, [_number(a) for a in arguments])
+            if math.isfinite(folded):
+                return self.constant(folded)
         return self._node(operation, arguments, None)
 
     def number(self, a: Scalar) -> Expression:
@@ -246,7 +256,7 @@ def evaluate(outputs: Sequence[Expression], symbols: Mapping[str, float]) -> lis
         elif node.operation == "constant":
             known[node.number] = _number(node)
         else:
-            known[node.number] = PYTHON[node.operation](*(known[a.number] for a in node.arguments))
+            known[node.number] = _compute(node.operation, [known[a.number] for a in node.arguments])
     return [known[output.number] for output in outputs]
 
 
@@ -277,6 +287,14 @@ PYTHON: Mapping[str, Callable[..., float]] = {
     "where": lambda c, a, b: a if c else b,
 }
 """What each operation does with numbers."""
+
+
+def _compute(operation: str, arguments: Sequence[float]) -> float:
+    """NaN where Python would raise."""
+    try:
+        return PYTHON[operation](*arguments)
+    except (ArithmeticError, ValueError):
+        return math.nan
 
 
 def _is(node: Expression, value: float) -> bool:

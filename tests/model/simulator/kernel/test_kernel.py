@@ -1,0 +1,234 @@
+"""The kernel says what the torch oracle says: values and gradients."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import pytest
+import torch
+
+from model.errors import InputError
+from model.simulator.backend import FallbackWarning
+from model.simulator.contacts.self_collision import SelfCollision
+from model.simulator.forces.base import AxialForce
+from model.simulator.forces.spring import Spring
+from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
+from model.simulator.kernel import build, program
+from model.simulator.parameters import Constant
+from model.simulator.system import State
+
+
+class Plastic(AxialForce):
+    """Yields beyond a strain, creeps back, and stiffens; everything a law may do, with two memories."""
+
+    name = "plastic"
+    where = "springs"
+    constants: ClassVar[Mapping[str, Constant]] = {
+        "modulus": Constant("N/m", "springs", (1.0, 100.0)),
+        "yield_strain": Constant("1", "scene", (0.01, 0.5)),
+        "recovery": Constant("1/s", "springs", (0.0, 10.0)),
+    }
+    memory: ClassVar[Mapping[str, float]] = {"flow": 0.0, "work": 0.0}
+
+    def __init__(self, modulus, yield_strain, recovery):
+        super().__init__(modulus=modulus, yield_strain=yield_strain, recovery=recovery)
+
+    @staticmethod
+    def law(length, rate, rest_length, modulus, yield_strain, recovery, flow, work, dt):
+        strain = length / rest_length - 1.0 - flow
+        excess = torch.abs(strain) - yield_strain
+        slipped = torch.where(excess > 0, torch.where(strain > 0, excess, -excess), 0.0)
+        elastic = strain - slipped
+        tension = modulus * rest_length * torch.tanh(elastic) * torch.exp(-work) + 0.01 * rate
+        return tension, (flow + slipped) * (1.0 - recovery * dt), work + torch.sqrt(slipped**2 + 1e-12) * 0.1
+
+
+EXACT = {torch.float64: 1e-11, torch.float32: 2e-5}
+
+
+@pytest.mark.parametrize("dtype", EXACT)
+@pytest.mark.parametrize("checkpoint", [False, True])
+def test_values_and_gradients_are_those_of_the_oracle(scene, apart, dtype, checkpoint):
+    made = scene(dtype)
+    expected, slow = made.roll("torch")
+    found, fast = made.roll("kernel", checkpoint=checkpoint)
+    assert float(expected.points[..., 2].detach().min()) < 1e-3, "nothing touched the ground"
+    assert apart(found.points, expected.points) < EXACT[dtype]
+    assert apart(found.velocities, expected.velocities) < EXACT[dtype]
+    for name, gradient in slow.items():
+        assert apart(fast[name], gradient) < 100 * EXACT[dtype], name
+
+
+def test_single_precision_is_within_its_bars_of_the_double_oracle(scene, apart):
+    _, expected = scene(torch.float64).roll("torch", substeps=100)
+    _, found = scene(torch.float32).roll("kernel", substeps=100)
+    assert apart(found["stiffness"], expected["stiffness"]) < 1e-4
+    assert apart(found["friction"], expected["friction"]) < 1e-3
+    assert apart(found["restitution"], expected["restitution"]) < 1e-3
+
+
+@pytest.mark.parametrize("checkpoint", [False, True])
+def test_laws_with_memory(scene, apart, monkeypatch, checkpoint):
+    generator = torch.Generator().manual_seed(0)
+    law = [
+        (torch.rand(size, generator=generator, dtype=torch.float64) * high).requires_grad_()
+        for size, high in ((260, 50.0), ((), 0.02), (260, 5.0))
+    ]
+    made = scene(forces=[Plastic(*law)], ground=None)
+    made.leaves.update(zip(("modulus", "yield_strain", "recovery"), law, strict=True))
+    expected, slow = made.roll("torch")
+    if checkpoint:
+        monkeypatch.setattr(program, "STORAGE", 2**20)  # some ten pieces
+    found, fast = made.roll("kernel", checkpoint=checkpoint)
+    assert float(expected.end.memory["plastic.flow"].detach().abs().max()) > 0.01, "nothing yielded"
+    assert apart(found.points, expected.points) < 1e-12
+    for name in ("plastic.flow", "plastic.work"):
+        assert apart(found.end.memory[name], expected.end.memory[name]) < 1e-11
+    for name, gradient in slow.items():
+        if gradient is not None:
+            assert apart(fast[name], gradient) < 1e-9, name
+
+
+def test_a_rollout_goes_on_with_what_its_springs_remember(scene, apart):
+    made = scene(forces=[Plastic(30.0, 0.005, 1.0)], ground=None)
+    with torch.no_grad():
+        fast = made.simulator.with_backend("kernel")
+        whole = fast.rollout(made.state(), made.controls, substeps=40)
+        half = fast.rollout(made.state(), made.controls[:3], substeps=40)
+        rest = fast.rollout(half.end, made.controls[2:], substeps=40)
+    assert apart(rest.points[-1], whole.points[-1]) < 1e-14
+
+
+def test_batches_of_parameters_and_of_states(scene, apart):
+    made = scene(batch=(2,))
+    expected, slow = made.roll("torch")
+    found, fast = made.roll("kernel")
+    assert found.points.shape == (4, 2, 61, 3)
+    assert apart(found.points, expected.points) < 1e-12
+    for name, gradient in slow.items():
+        assert fast[name].shape == gradient.shape
+        assert apart(fast[name], gradient) < 1e-9, name
+
+
+def test_threads_change_nothing(scene, monkeypatch):
+    made = scene()
+    monkeypatch.setattr("model.simulator.kernel.call.SPARSE", 1)
+    results = []
+    before = torch.get_num_threads()
+    for threads in (1, 2, 3):
+        torch.set_num_threads(threads)
+        try:
+            results.append(made.roll("kernel"))
+        finally:
+            torch.set_num_threads(before)
+    for rollout, gradients in results[1:]:
+        assert torch.equal(rollout.points, results[0][0].points)
+        assert all(torch.equal(gradients[name], results[0][1][name]) for name in gradients)
+
+
+def test_gradients_alone_where_they_are_wanted(scene, apart):
+    made = scene()
+    _, all_of_them = made.roll("kernel")
+    for name in list(made.leaves):
+        for other, leaf in made.leaves.items():
+            leaf.requires_grad_(other == name)
+        _, alone = made.roll("kernel")
+        assert apart(alone[name], all_of_them[name]) < 1e-12, name
+
+
+def test_a_free_system_without_springs(scene, apart):
+    made = scene()
+    system = made.simulator.system
+    lone = type(system)(
+        points=system.points, mass=1.0, springs=torch.zeros(0, 2).long(), rest_length=torch.zeros(0)
+    )
+    forces = [made.simulator.force("gravity"), made.simulator.force("drag")]
+    simulator = type(made.simulator)(lone, forces, [made.simulator.contact("ground")])
+    with torch.no_grad():
+        runs = [simulator.with_backend(b).rollout(made.state(), frames=3) for b in ("torch", "kernel")]
+    assert apart(runs[1].points, runs[0].points) < 1e-14
+
+
+def test_points_that_coincide_pull_nowhere(scene, apart):
+    made = scene()
+    with torch.no_grad():
+        places = made.leaves["positions"].clone()
+        first, second = made.simulator.system.springs[0]
+        places[first] = places[second]
+        start = State(places, torch.zeros_like(places))
+        runs = [made.simulator.with_backend(b).rollout(start, made.controls[:2]) for b in ("torch", "kernel")]
+    assert apart(runs[1].points, runs[0].points) < 1e-12
+
+
+def test_what_is_not_finite_is_reported(scene):
+    made = scene()
+    with torch.no_grad():
+        made.leaves["velocities"][7] = float("inf")
+    with pytest.raises(InputError, match="is not finite, driven by"):
+        made.simulator.with_backend("kernel").rollout(made.state(), made.controls, substeps=40)
+
+
+class Jagged(AxialForce):
+    """A law that no symbol follows."""
+
+    name = "jagged"
+    constants: ClassVar[Mapping[str, Constant]] = {"stiffness": Constant("N/m", "scene", (1.0, 2.0))}
+
+    def __init__(self):
+        super().__init__(stiffness=1.0)
+
+    @staticmethod
+    def law(length, stiffness):
+        return torch.floor(length * 1e9) * 1e-9 * stiffness
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda s: s.with_force(UnprojectedDashpot(0.1)), "the force 'unprojected_dashpot'"),
+        (lambda s: s.with_force(Jagged()), "law of 'jagged' cannot be traced: torch.floor"),
+        (lambda s: s.with_contact(SelfCollision(s.system, 0.01, 0.0, 0.0)), "the contact 'self_collision'"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_what_it_cannot_do_is_named_and_left_to_the_oracle(scene, change, complaint):
+    made = scene()
+    simulator = change(made.simulator)
+    with pytest.raises(InputError, match=complaint):
+        simulator.with_backend("kernel").rollout(made.state(), made.controls[:2], substeps=40)
+    with pytest.warns(FallbackWarning, match=complaint):
+        found = simulator.rollout(made.state(), made.controls[:2], substeps=40)
+    expected = simulator.with_backend("torch").rollout(made.state(), made.controls[:2], substeps=40)
+    assert torch.equal(found.points, expected.points)
+
+
+@pytest.mark.filterwarnings("error")
+def test_without_a_compiler_the_oracle_serves_and_says_so(scene, monkeypatch):
+    made = scene()
+    monkeypatch.setenv("PATH", "")
+    build.load.cache_clear()
+    with pytest.warns(FallbackWarning, match=r"no C\+\+ compiler"):
+        found = made.simulator.rollout(made.state(), made.controls[:2], substeps=40)
+    build.load.cache_clear()
+    expected = made.simulator.with_backend("torch").rollout(made.state(), made.controls[:2], substeps=40)
+    assert torch.equal(found.points, expected.points)
+
+
+def test_the_law_is_the_terms_own(scene, apart, monkeypatch):
+    """Changing the law of a term changes what the kernel does, in step with the oracle."""
+
+    class Cubic(Spring):
+        @staticmethod
+        def law(length, rest_length, stiffness):
+            stretch = length - rest_length
+            return stiffness * stretch * (1.0 + 1e4 * stretch**2)
+
+    made = scene(forces=[Cubic(40.0)])
+    plain = scene(forces=[Spring(40.0)])
+    with torch.no_grad():
+        runs = [
+            s.simulator.with_backend("kernel").rollout(s.state(), s.controls, substeps=60)
+            for s in (made, plain)
+        ]
+        oracle = made.simulator.with_backend("torch").rollout(made.state(), made.controls, substeps=60)
+    assert apart(runs[0].points, oracle.points) < 1e-12
+    assert apart(runs[1].points, oracle.points) > 1e-6
