@@ -125,9 +125,7 @@ def main() -> None:
     options = parser.parse_args()
     clock = time.process_time if options.clock == "cpu" else time.perf_counter
     torch.set_num_threads(options.threads)
-    print(
-        f"{options.threads} threads, float32, {options.clock} µs, median (lower quartile) of {options.repeats}\n"
-    )
+    print(f"{options.threads} threads, float32, {options.clock} time [µs]: median (lower quartile)\n")
     print("| points / springs | forward | forward + backward | forward, self-collision | stability bound |")
     print("|---|---|---|---|---|")
     for points, springs in SIZES:

@@ -23,6 +23,8 @@ def stable_step(dynamics: Dynamics, state: State, anchors: Anchors | None) -> fl
         state: Where to linearise [m, m/s].
         anchors: Where the controllers are.
 
+    Forces that overflow have no bound; the rollout then says which, and where.
+
     Reference:
         Hairer, Lubich and Wanner (2003), Geometric numerical integration illustrated by the Störmer-Verlet
         method, Acta Numerica 12 (dt·ω < 2 of the undamped oscillator); the damped bound is the root at -1 of
@@ -57,7 +59,7 @@ def stable_step(dynamics: Dynamics, state: State, anchors: Anchors | None) -> fl
 
 
 def _root(stiffness: float, damping: float) -> float:
-    """The positive dt with dt²·stiffness + 2·dt·damping = 4."""
+    """The positive dt with dt²·stiffness + 2·dt·damping = 4; infinite where both vanish or are no numbers."""
     stiffness, damping = max(stiffness, 0.0), max(damping, 0.0)
     divisor = damping + math.sqrt(damping**2 + 4 * stiffness)
     return 4 / divisor if divisor > 0 else math.inf

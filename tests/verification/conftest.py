@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from model.simulator.simulator import Simulator
 from model.simulator.system import System
 
 
@@ -50,3 +51,16 @@ def blob():
     rest = (places[springs[:, 0]] - places[springs[:, 1]]).norm(dim=1)
     mass = torch.linspace(0.5, 1.5, 10, dtype=torch.float64)
     return System(points=places, mass=mass, springs=springs, rest_length=rest)
+
+
+@pytest.fixture(autouse=True, params=["torch", "auto"])
+def backend(request, monkeypatch):
+    """Simulators made in the test compute rollouts in plain torch, then as they do by default."""
+    initialise = Simulator.__init__
+
+    def made(self, *args, **kwargs):
+        if len(args) < 5:
+            kwargs.setdefault("backend", request.param)
+        initialise(self, *args, **kwargs)
+
+    monkeypatch.setattr(Simulator, "__init__", made)

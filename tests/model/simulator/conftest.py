@@ -8,6 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from model.simulator.dynamics import Dynamics
+from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State, System
 
 POINTS, CONTROLLERS = 9, 2
@@ -98,3 +99,16 @@ def force_of():
 @pytest.fixture
 def rotation():
     return torch.from_numpy(Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix())
+
+
+@pytest.fixture(params=["torch", "auto"])
+def backend(request, monkeypatch):
+    """Simulators made in the test compute rollouts in plain torch, then as they do by default."""
+    initialise = Simulator.__init__
+
+    def made(self, *args, **kwargs):
+        if len(args) < 5:
+            kwargs.setdefault("backend", request.param)
+        initialise(self, *args, **kwargs)
+
+    monkeypatch.setattr(Simulator, "__init__", made)

@@ -7,6 +7,8 @@ import torch
 from model.errors import InputError
 from model.simulator.build import build_simulator
 
+pytestmark = pytest.mark.usefixtures("backend")
+
 FPS, FRAMES = 30.0, 4
 DAMPING, DRAG = 0.05, 0.8
 

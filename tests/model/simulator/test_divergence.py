@@ -7,7 +7,9 @@ from model.simulator.forces.drag import Drag
 from model.simulator.forces.gravity import Gravity
 from model.simulator.forces.spring import Spring
 from model.simulator.simulator import Simulator
-from model.simulator.system import State
+from model.simulator.system import State, System
+
+pytestmark = pytest.mark.usefixtures("backend")
 
 
 def test_says_frame_point_and_term(free, state):
@@ -35,6 +37,20 @@ def test_names_the_frame_it_really_happened_in(free, state):
     with pytest.warns(UserWarning, match="stability needs"):
         before = simulator.rollout(state, frames=frame, substeps=4)
     assert torch.isfinite(before.points).all()
+
+
+def test_blames_the_strongest_force_where_all_are_finite():
+    """A force that is a number, on a mass so small that the acceleration is none."""
+    system = System(
+        points=torch.tensor([[0.0, 0, 0], [2.0, 0, 0]], dtype=torch.float64),
+        mass=0.01,
+        springs=torch.tensor([[0, 1]]),
+        rest_length=1.0,
+    )
+    for forces in ([Gravity(), Spring(1e307)], [Spring(1e307), Gravity()]):
+        with pytest.raises(SimulationDiverged) as caught:
+            Simulator(system, forces).rollout(frames=2, substeps=20)
+        assert caught.value.term == "spring"
 
 
 def test_blames_the_point_that_started_it(free):

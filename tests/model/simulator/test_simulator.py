@@ -14,6 +14,8 @@ from model.simulator.forces.spring import Spring
 from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State, System
 
+pytestmark = pytest.mark.usefixtures("backend")
+
 
 @pytest.fixture
 def forces(system):
