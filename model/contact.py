@@ -114,5 +114,7 @@ def centre_of(mask: Bool[Array, "H W"]) -> Float64[Array, " 2"]:
 
 def grown(mask: Bool[Array, "H W"], reach: int) -> Bool[Array, "H W"]:
     """The mask and what lies within `reach` [px] of it."""
+    if mask.size == 0:
+        return mask
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)

@@ -7,10 +7,9 @@ from typing import TypeAlias
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
-from scipy.ndimage import distance_transform_edt
 from scipy.signal import savgol_filter
 
-from model.contact import touch_distance
+from model.contact import grown, touch_distance
 from model.types import Array, Frames, Masks, Tracks
 
 Track: TypeAlias = Callable[[Frames, Float32[Array, "N 2"], int], Tracks]
@@ -22,6 +21,8 @@ _FEWEST = 5
 """With fewer tracks in agreement the mask decides."""
 _AGREE = 2.5
 """How far a track may be from the common motion [px]."""
+_SEARCH = 20
+"""How far from a grip its border is looked for, over the touch distance."""
 _SMOOTH, _ORDER = 9, 2
 """Savitzky-Golay window [frames] and order: symmetric, so that nothing lags."""
 
@@ -183,15 +184,11 @@ def _to_border(
     A tracked grip may leave the border a little before it is pulled back; another goes there.
     """
     reach = touch_distance(object_mask)
-    if not hand_mask.any() or not object_mask.any():
-        return grip, False
-    low = np.maximum(np.floor(grip).astype(int) - 8 * reach, 0)
-    window = (slice(low[1], low[1] + 16 * reach), slice(low[0], low[0] + 16 * reach))
-    hand, thing = hand_mask[window], object_mask[window]
-    if not hand.any() or not thing.any():
-        return grip, False
-    between = np.maximum(distance_transform_edt(~hand), distance_transform_edt(~thing))
-    places = np.argwhere(between <= reach)[:, ::-1] + low
+    low = np.maximum(np.floor(grip).astype(int) - _SEARCH * reach, 0)
+    high = np.maximum(np.ceil(grip).astype(int) + _SEARCH * reach, low + 1)
+    window = (slice(low[1], high[1]), slice(low[0], high[0]))
+    between = grown(hand_mask[window], reach) & grown(object_mask[window], reach)
+    places = np.argwhere(between)[:, ::-1] + low
     if len(places) == 0:
         return grip, False
     offset = places - grip

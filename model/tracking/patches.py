@@ -20,18 +20,18 @@ def cut(
 ) -> Float32[Array, "N S S"]:
     """Patches around `centres`; patch coordinates u show the image at `affine @ u + centre`."""
     steps = np.arange(-HALF, HALF + 1, dtype=np.float32)
-    grid = np.stack(np.meshgrid(steps, steps), axis=-1)
-    local = np.broadcast_to(grid, (len(centres), _SIDE, _SIDE, 2))
-    if affine is not None:
-        local = np.einsum("nij,yxj->nyxi", affine, grid)
-    where = (local + centres[:, None, None]).astype(np.float32)
+    x, y = np.meshgrid(steps, steps)
+    turn = np.eye(2, dtype=np.float32)[None] if affine is None else affine
+    turn, centre = turn[..., None, None], centres[..., None, None]
+    columns = np.ascontiguousarray(turn[:, 0, 0] * x + turn[:, 0, 1] * y + centre[:, 0], np.float32)
+    rows = np.ascontiguousarray(turn[:, 1, 0] * x + turn[:, 1, 1] * y + centre[:, 1], np.float32)
     # remap takes at most 32767 rows
     chunk = 32_000 // _SIDE
     parts = [
         cv2.remap(
             image,
-            where[i : i + chunk, ..., 0].reshape(-1, _SIDE),
-            where[i : i + chunk, ..., 1].reshape(-1, _SIDE),
+            columns[i : i + chunk].reshape(-1, _SIDE),
+            rows[i : i + chunk].reshape(-1, _SIDE),
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
