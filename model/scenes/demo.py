@@ -1,17 +1,20 @@
 """The clip that the project makes itself: a hand lifts a plush animal by one leg."""
 
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import click
 import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Float64, UInt8
 
 from model.backdrops import shade
-from model.files import replacing
+from model.errors import InputError
+from model.files import check_writable, replacing
 from model.movie import encode_mp4
 from model.rendering.splat import SplatRenderer
 from model.rotations import matrices
@@ -73,6 +76,7 @@ def make_demo_clip(path: Path, seed: int = 0, truth_dir: Path | None = None) -> 
     Raises:
         InputError: nothing can be written there.
     """
+    check_writable(path)
     rng = np.random.default_rng(seed)
     scene = act(set_scene(rng))
     pictures, object_masks, hand_masks = [], [], []
@@ -206,3 +210,21 @@ def _write_truth(
             _, png = cv2.imencode(".png", mask.astype(np.uint8) * 255)
             with replacing(folder / name / f"{frame:04d}.png") as temporary:
                 temporary.write_bytes(png.tobytes())
+
+
+@click.command()
+@click.argument("path", type=click.Path(path_type=Path))
+@click.option("--seed", default=0, show_default=True, help="For textures and noise.")
+@click.option("--truth", type=click.Path(path_type=Path), help="Folder for the true camera, hand and masks.")
+def main(path: Path, seed: int, truth: Path | None) -> None:
+    """Film the demo clip to PATH."""
+    try:
+        make_demo_clip(path, seed, truth)
+    except InputError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(2)
+    click.echo(f"filmed {path}: {FRAMES} frames, 640×480")
+
+
+if __name__ == "__main__":
+    main()

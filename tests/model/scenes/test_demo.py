@@ -4,6 +4,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
@@ -96,3 +97,15 @@ def test_the_whole_clip_with_its_truth(tmp_path):
         files = sorted((tmp_path / "truth" / name).iterdir())
         assert len(files) == demo.FRAMES
         assert cv2.imread(str(files[0]), cv2.IMREAD_GRAYSCALE).max() == 255
+
+
+def test_the_command_needs_a_place_to_write(tmp_path, monkeypatch):
+    monkeypatch.setattr(demo, "act", lambda scene: scene)  # one frame will do
+    (tmp_path / "file").write_text("in the way")
+    refused = CliRunner().invoke(demo.main, [str(tmp_path / "file" / "demo.mp4")])
+    assert refused.exit_code == 2
+    assert refused.stderr.count("\n") == 1
+    done = CliRunner().invoke(demo.main, [str(tmp_path / "demo.mp4"), "--truth", str(tmp_path / "truth")])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "demo.mp4").stat().st_size > 1000
+    assert (tmp_path / "truth" / "object" / "0000.png").exists()
