@@ -9,7 +9,7 @@ from model.types import Array, Masks
 
 TOUCH = 0.008
 """Object and hand touch when they are this share of the image diagonal apart, or nearer."""
-TOGETHER = 0.35
+TOGETHER = 0.2
 """Contacts of one hand nearer than this share of the object's size are one grip."""
 LASTING = 6
 """Frames a contact must last to be a grip."""

@@ -8,6 +8,8 @@ from model.types import Array, ShapeClass, Topology
 
 SHEET = 3.0
 """Area density of Σ k L² over the modulus of an isotropic plane network."""
+SKIN = 0.08
+"""Least share of a rope's springs: the surface keeps its shape."""
 _SURROUNDINGS = 40
 """Points that say which way the body runs."""
 
@@ -37,6 +39,9 @@ def lattice_stiffness(
     (each times $\sum kL^2/V$): 1/6 for directions without preference, 1 for springs all along the axis.
     Springs across a border take the mean Y of their two parts.
 
+    In a rope Y falls off from the axis to the surface (`_core`): its yarns slide on each other, so it bends
+    far more easily than a rod of the same stiffness in tension.
+
     Args:
         topology: Springs and their rest lengths.
         modulus: Young's modulus per part [Pa].
@@ -56,7 +61,8 @@ def lattice_stiffness(
         total: Float64[Array, " K"] = np.bincount(ends.ravel(), 0.5 * values.ravel(), minlength=len(modulus))
         return total
 
-    both = np.repeat(length[:, None], 2, axis=1)
+    share = np.ones(len(length)) if shape_class != "rope" else _core(topology)
+    both = np.repeat((share * length)[:, None], 2, axis=1)
     if shape_class == "sheet":
         resistance = per_part(both) / SHEET
     else:
@@ -65,17 +71,41 @@ def lattice_stiffness(
         across = 0.5 * per_part(both * (1.0 - along) ** 2)
         resistance = axial - 2.0 * mixed**2 / np.maximum(across, 1e-12 * length.sum())
     strength = modulus * volume / np.where(resistance > 0, resistance, np.inf)
-    return np.asarray(strength[ends].mean(axis=1) / length, np.float64)
+    return np.asarray(strength[ends].mean(axis=1) * share / length, np.float64)
+
+
+def _core(topology: Topology) -> Float64[Array, " E"]:
+    """Share of the load that a rope's springs take: (1 - r/R)² of the way from the axis, at least `SKIN`."""
+    around, points = _surroundings(topology)
+    middle, axes = around.mean(axis=1), _axes(around)
+    offset = points - middle
+    away = np.linalg.norm(offset - np.einsum("ni,ni->n", offset, axes)[:, None] * axes, axis=1)
+    outer = np.quantile(away, 0.9)
+    share = (
+        (1.0 - np.minimum(away / max(float(outer), 1e-12), 1.0)) ** 2 if outer > 1e-9 else np.ones(len(away))
+    )
+    return np.asarray(np.maximum(share, SKIN)[topology.springs].mean(axis=1), np.float64)
 
 
 def _squared_cosines(topology: Topology) -> Float64[Array, "E 2"]:
     """Of the angle between each spring and the direction in which the body runs around either end."""
-    points = topology.points.astype(np.float64)
-    count = min(_SURROUNDINGS, len(points))
-    around = points[cKDTree(points).query(points, count)[1].reshape(len(points), count)]
-    around = around - around.mean(axis=1, keepdims=True)
-    axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))[1][:, :, -1]
+    around, points = _surroundings(topology)
+    axes = _axes(around)
     first, second = topology.springs.T
     direction = (points[second] - points[first]) / topology.rest_length.astype(np.float64)[:, None]
     squares = [np.einsum("ei,ei->e", direction, axes[end]) ** 2 for end in (first, second)]
     return np.stack(squares, axis=1)
+
+
+def _surroundings(topology: Topology) -> tuple[Float64[Array, "N k 3"], Float64[Array, "N 3"]]:
+    points = topology.points.astype(np.float64)
+    count = min(_SURROUNDINGS, len(points))
+    around = points[cKDTree(points).query(points, count)[1].reshape(len(points), count)]
+    return np.asarray(around, np.float64), points
+
+
+def _axes(around: Float64[Array, "N k 3"]) -> Float64[Array, "N 3"]:
+    """Direction of the largest extent of each surroundings."""
+    offset = around - around.mean(axis=1, keepdims=True)
+    axes: Float64[Array, "N 3"] = np.linalg.eigh(np.einsum("nki,nkj->nij", offset, offset))[1][:, :, -1]
+    return axes

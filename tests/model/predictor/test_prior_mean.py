@@ -121,6 +121,17 @@ def test_a_chain_carries_the_load_along_its_axis():
     np.testing.assert_allclose(stiffness, modulus * area / 0.01, rtol=1e-5)
 
 
+def test_a_rope_is_as_stiff_in_tension_as_a_rod_but_softer_at_its_surface():
+    points, sides = bar((30, 5, 5))
+    topology = network(points, 0.02, float(np.prod(sides)))
+    stiffness = predict(topology, [material(1e4)], "rope").stiffness.astype(np.float64)
+    force, strain = stretch_force(topology, stiffness)
+    assert abs(force / (strain * sides[1] * sides[2] * 1e4) - 1) < 0.15
+    away = np.linalg.norm(points[:, 1:] - points[:, 1:].mean(axis=0), axis=1)[topology.springs].max(axis=1)
+    per_strain = stiffness * topology.rest_length
+    assert per_strain[away < 0.012].mean() > 4 * per_strain[away > 0.024].mean()
+
+
 def test_parts_have_their_own_stiffness_and_borders_the_mean():
     points, sides = bar((20, 6, 6))
     part = points[:, 0] > 0.1
