@@ -76,14 +76,14 @@ def test_energy_errs_with_the_declared_order_and_does_not_drift(kind, blob, exci
     ((term, values),) = dynamics.forces
     mass, worst = blob.value("mass")[:, None], []
     for substeps in (8, 16):
-        rollout = simulator.rollout(excited, frames=61, fps=50.0, substeps=substeps)
+        rollout = simulator.rollout(excited, frames=31, fps=50.0, substeps=substeps)
         total = torch.stack([
             (mass * speed**2).sum() / 2 + term.energy(dynamics.motion(State(place, speed), None), values)
             for place, speed in zip(rollout.points, rollout.velocities, strict=True)
         ])  # fmt: skip
         error = (total / total[0] - 1).abs()
         worst.append(float(error.max()))
-        assert float(error[40:].max()) < 1.2 * float(error[:20].max())
+        assert float(error[20:].max()) < 1.2 * float(error[:11].max())
     assert math.log2(worst[0] / worst[1]) == pytest.approx(kind.order, abs=0.1)
 
 
@@ -93,7 +93,7 @@ def test_converges_with_the_declared_order(kind, blob, excited):
     simulator = Simulator(blob, forces, integrator=kind())
     ends = [
         simulator.rollout(excited, frames=2, fps=10.0, substeps=40 * 2**number).end.positions
-        for number in range(4)
+        for number in range(3)
     ]
     steps = [float((fine - coarse).norm()) for coarse, fine in pairwise(ends)]
     assert math.log2(steps[-2] / steps[-1]) == pytest.approx(kind.order, abs=0.1)
