@@ -21,7 +21,7 @@ from model.reconstruction.base import Reconstructor
 from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling, sheet_inset
 from model.reconstruction.outline import overlap, silhouette_of
 from model.reconstruction.paint import colors_from_image
-from model.reconstruction.volume import Volume, carved, mask_distance, sample_image
+from model.reconstruction.volume import Volume, carved, mask_distance, sample_image, without_specks
 from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, ShapeClass
 
 SHEET_THICKNESS = 0.002
@@ -81,7 +81,10 @@ def completed_mask(object_mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]) ->
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     grown = cv2.dilate(object_mask.astype(np.uint8), disc) > 0
     closed = ndimage.binary_fill_holes(object_mask | (grown & hand))
-    completed: Bool[Array, "H W"] = object_mask | (grown & hand) | (closed & hand)
+    candidate = object_mask | (grown & hand) | (closed & hand)
+    # Between fingers only threads are left: no part of the object is that thin.
+    opened = cv2.morphologyEx(candidate.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
+    completed: Bool[Array, "H W"] = object_mask | opened
     return completed
 
 
@@ -126,7 +129,7 @@ def body_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: Sha
         if missing is None:
             break
         paint_balls(volume, missing)
-    return _grounded(carved(volume, mask, camera), calibration.ground_height)
+    return without_specks(_grounded(carved(volume, mask, camera), calibration.ground_height))
 
 
 def pixel_size(mask: Bool[Array, "H W"], calibration: Calibration) -> float:

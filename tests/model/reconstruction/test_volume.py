@@ -4,11 +4,11 @@ import pytest
 from model.reconstruction.volume import (
     Volume,
     carved,
-    distance_from_occupancy,
     distance_to_samples,
     grid_around,
     mask_distance,
     sample_image,
+    without_specks,
 )
 
 
@@ -42,13 +42,6 @@ def test_a_grid_keeps_to_its_budget_and_covers_its_box():
     assert np.prod(shape) < 900_000
     assert np.all(origin < 0)
     assert np.all(origin + (np.array(shape) - 1) * spacing > [1.0, 0.5, 0.2])
-
-
-def test_distance_of_voxels_is_half_way_between_inside_and_outside():
-    plain = ball(0.05, 0.002)
-    distance = distance_from_occupancy(plain.distance > 0, 0.002)
-    near = np.abs(plain.distance) < 0.006
-    assert np.abs(distance - plain.distance)[near].mean() < 0.0006
 
 
 def test_distance_to_samples_of_a_closed_surface_has_an_inside():
@@ -108,3 +101,16 @@ def test_images_are_sampled_between_pixels():
     pixels = np.array([[0.5, 0.0], [1.0, 1.5], [-5.0, 0.0]])
     np.testing.assert_allclose(sample_image(image, pixels), [0.5, 7.0, 0.0])
     np.testing.assert_allclose(sample_image(image, pixels, -1.0), [0.5, 7.0, -1.0])
+
+
+def test_specks_go_and_pieces_stay():
+    plain = ball()
+    distance = plain.distance.copy()
+    distance[:2, :2, :2] = 0.001
+    speckled = Volume(distance, plain.origin, plain.axes, plain.spacing)
+    assert without_specks(speckled).distance[0, 0, 0] < 0
+    np.testing.assert_array_equal(without_specks(plain).distance, plain.distance)
+    halves = plain.distance.copy()
+    halves[halves.shape[0] // 2] = -0.001
+    both = Volume(halves, plain.origin, plain.axes, plain.spacing)
+    assert without_specks(both).total == both.total
