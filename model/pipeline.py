@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import get_args
 
-from jaxtyping import Bool
+from jaxtyping import Bool, UInt8
 from pydantic import JsonValue
 
 from model.bundle import TwinBundle
@@ -24,7 +24,8 @@ from model.priors.base import PriorClient
 from model.prompt import read_prompt
 from model.reconstruction import ALL_RECONSTRUCTORS, Reconstructor
 from model.reconstruction.cameras import calibrate
-from model.reconstruction.depth import read_depth
+from model.reconstruction.depth import DepthReconstructor
+from model.reconstruction.mesh import MeshReconstructor
 from model.registry import by_name
 from model.rendering import ALL_RENDERERS, best_renderer
 from model.segmentation import ALL_SEGMENTERS
@@ -117,14 +118,16 @@ class _Sight:
     gaussians: Gaussians
 
     @property
-    def keyframe(self) -> Array:
+    def keyframe(self) -> UInt8[Array, "H W 3"]:
         """The image the twin is reconstructed from."""
-        return self.frames.images[self.masks.keyframe]
+        image: UInt8[Array, "H W 3"] = self.frames.images[self.masks.keyframe]
+        return image
 
     @property
     def object_mask(self) -> Bool[Array, "H W"]:
         """The object on the keyframe."""
-        return self.masks.object[self.masks.keyframe]
+        mask: Bool[Array, "H W"] = self.masks.object[self.masks.keyframe]
+        return mask
 
 
 @dataclass(frozen=True)
@@ -167,7 +170,7 @@ def _see(video: Path, options: TwinOptions, log: StageLog) -> _Sight:
     prior = by_name(ALL_PRIORS, options.prior, "prior")()
     keyframe, mask = frames.images[masks.keyframe], masks.object[masks.keyframe]
     shape_class = log.run("shape", *_shape(options.shape, prior, PartView(keyframe, mask, mask, "object")))
-    depth = read_depth(options.depth, masks.keyframe) if options.depth is not None else None
+    depth = DepthReconstructor(options.depth).keyframe_depth(frames, masks) if options.depth else None
     calibration = log.run(
         "calibration",
         Step("camera file" if options.camera else "image", "1"),
@@ -188,27 +191,31 @@ def _see(video: Path, options: TwinOptions, log: StageLog) -> _Sight:
 
 def _reconstructor(options: TwinOptions) -> Reconstructor:
     """The method the user named, or the one that what they gave is for."""
-    given = {"mesh": options.mesh, "depth": options.depth}
-    name = options.reconstruction or next((key for key, path in given.items() if path), "silhouette")
+    name = options.reconstruction or ("mesh" if options.mesh else "depth" if options.depth else "silhouette")
     method = by_name(ALL_RECONSTRUCTORS, name, "reconstruction")
-    if name not in given:
-        return method()
-    path = given[name]
+    if method is MeshReconstructor:
+        return MeshReconstructor(_given(options.mesh, name))
+    if method is DepthReconstructor:
+        return DepthReconstructor(_given(options.depth, name))
+    return method()
+
+
+def _given(path: Path | None, name: str) -> Path:
     if path is None:
         raise InputError(f"--reconstruction {name} needs --{name} PATH")
-    return method(path)
+    return path
 
 
 def _shape(
     wanted: str, prior: PriorClient, view: PartView
 ) -> tuple[Step | PriorClient, Callable[[], ShapeClass]]:
     """Who says whether it is a sheet, a rope or a solid: the user, or the prior on seeing the whole."""
-    for shape_class in get_args(ShapeClass):
-        if wanted == shape_class:
-            return Step("user", "1"), lambda: shape_class
-    if wanted != "auto":
-        raise InputError(f"--shape {wanted}: choose one of auto, {', '.join(get_args(ShapeClass))}")
-    return prior, lambda: prior.material(view).shape_class
+    if wanted == "auto":
+        return prior, lambda: prior.material(view).shape_class
+    known = {shape_class: shape_class for shape_class in get_args(ShapeClass)}
+    if wanted not in known:
+        raise InputError(f"--shape {wanted}: choose one of auto, {', '.join(known)}")
+    return Step("user", "1"), lambda: known[wanted]
 
 
 def _understand(sight: _Sight, options: TwinOptions, log: StageLog) -> _Matter:

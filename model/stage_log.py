@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeVar, runtime_checkable
 
 from model.schema import StageRecord
 
@@ -13,6 +13,7 @@ StageReport = Callable[[str, float], None]
 R = TypeVar("R")
 
 
+@runtime_checkable
 class Method(Protocol):
     """Anything a stage is done by."""
 
