@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from model.simulator.simulator import Simulator
-from model.simulator.system import System
+from model.simulator.system import State, System
 
 
 @pytest.fixture
@@ -51,6 +51,22 @@ def blob():
     rest = (places[springs[:, 0]] - places[springs[:, 1]]).norm(dim=1)
     mass = torch.linspace(0.5, 1.5, 10, dtype=torch.float64)
     return System(points=places, mass=mass, springs=springs, rest_length=rest)
+
+
+@pytest.fixture
+def pair(blob):
+    """Two bodies of five points each, side by side along x, 0.1 m and more apart."""
+    places = blob.points + torch.tensor([[0.0, 0, 0]] * 5 + [[0.3, 0, 0]] * 5)
+    springs = torch.cat([torch.triu_indices(5, 5, 1).T, torch.triu_indices(5, 5, 1).T + 5])
+    rest = (places[springs[:, 0]] - places[springs[:, 1]]).norm(dim=1)
+    return System(points=places, mass=blob.value("mass"), springs=springs, rest_length=rest)
+
+
+@pytest.fixture
+def meeting(pair):
+    """They fly at each other at 6 m/s."""
+    speeds = torch.tensor([[3.0, 0.5, 0]] * 5 + [[-3.0, 0, 0.2]] * 5, dtype=torch.float64)
+    return State(pair.points, speeds)
 
 
 @pytest.fixture(autouse=True, params=["torch", "auto"])

@@ -60,11 +60,14 @@ def test_the_projected_dashpot_lets_a_rigid_body_spin(blob):
     assert kept[1] < 0.2
 
 
-def test_self_collision_keeps_momentum(blob, excited):
-    loose = Simulator(blob, [], [SelfCollision(blob, 0.15, 0.5, 0.3)])
-    inward = State(excited.positions * 1.5, -3.0 * (blob.points - blob.points.mean(0)))
-    rollout = loose.rollout(inward, frames=21, fps=50.0, substeps=5)
-    linear, _ = momenta(blob, rollout)
+def test_self_collision_keeps_momentum(pair, meeting):
+    forces, contact = [Spring(200.0), Dashpot(0.5)], SelfCollision(pair, 0.06, 0.5, 0.3)
+    apart, met = (
+        Simulator(pair, forces, contacts).rollout(meeting, frames=9, fps=100.0, substeps=5)
+        for contacts in ([], [contact])
+    )
+    assert (met.points[-1] - apart.points[-1]).norm() > 0.05  # they did meet
+    linear, _ = momenta(pair, met)
     torch.testing.assert_close(linear, linear[:1].expand_as(linear), rtol=1e-12, atol=1e-12)
 
 
@@ -100,17 +103,23 @@ def test_converges_with_the_declared_order(kind, blob, excited):
 
 
 @pytest.mark.parametrize("ground", [False, True], ids=["space", "ground"])
-def test_a_rollout_turns_with_the_world(blob, excited, ground):
-    """Any rotation without ground; one about the vertical with it."""
+def test_a_rollout_turns_with_the_world(pair, meeting, ground):
+    """Any rotation without ground, one about the vertical with it; two bodies collide on the way."""
     turn = torch.from_numpy(Rotation.from_rotvec([0, 0, 1.1] if ground else [0.4, -1.1, 0.7]).as_matrix())
     weight = torch.tensor([0.0, 0.0, -9.81] if ground else [0.5, 1.0, -9.0], dtype=torch.float64)
+    plane = [Ground(0.3, 0.4, 0.02)] if ground else []
+    same = torch.eye(3, dtype=torch.float64)
     ends = []
-    for rotation in (torch.eye(3, dtype=torch.float64), turn):
+    for rotation, contacts in (
+        (same, [SelfCollision(pair, 0.06, 0.2, 0.3), *plane]),
+        (turn, [SelfCollision(pair, 0.06, 0.2, 0.3), *plane]),
+        (same, plane),
+        (same, []),
+    ):
         forces = [Spring(200.0), Dashpot(0.5), Drag(0.7), Gravity(rotation @ weight)]
-        contacts = [SelfCollision(blob, 0.02, 0.2, 0.3), *([Ground(0.3, 0.4, 0.02)] if ground else [])]
-        start = State(excited.positions @ rotation.T, excited.velocities @ rotation.T)
-        rollout = Simulator(blob, forces, contacts).rollout(start, frames=3, fps=30.0, substeps=40)
+        start = State(meeting.positions @ rotation.T, meeting.velocities @ rotation.T)
+        rollout = Simulator(pair, forces, contacts).rollout(start, frames=9, fps=100.0, substeps=5)
         ends.append(rollout.points[-1] @ rotation)
-    torch.testing.assert_close(*ends, rtol=0, atol=1e-12)
-    if ground:
-        assert (ends[0][:, 2] < 0.03).any()
+    torch.testing.assert_close(ends[0], ends[1], rtol=0, atol=1e-12)
+    assert (ends[0] - ends[2]).norm() > 0.05  # the bodies did meet
+    assert ((ends[2] - ends[3]).norm() > 0.01) == ground  # and the ground
