@@ -9,7 +9,6 @@
 // and the macros SINGLE, GROUND, SPRINGS and CONTROLLERS. The traced laws take the place of the line that says so.
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #ifdef _OPENMP
 #include <omp.h>
 #else
@@ -24,6 +23,9 @@ enum { W = 8, ROW = 8, SHORT = 4 };
 typedef R V __attribute__((vector_size(W * sizeof(R))));
 typedef N M __attribute__((vector_size(W * sizeof(N))));
 typedef R H __attribute__((vector_size(SHORT * sizeof(R))));
+// The same anywhere in memory, whatever else it is taken for.
+typedef R UV __attribute__((vector_size(W * sizeof(R)), aligned(sizeof(R)), may_alias));
+typedef R UH __attribute__((vector_size(SHORT * sizeof(R)), aligned(sizeof(R)), may_alias));
 
 // Square of the length below which an edge has no direction, and slip below which there is nothing to rub away.
 static const R SHORTEST_SQUARED = R(1e-24), SLOWEST = R(1e-12);
@@ -55,9 +57,9 @@ struct Frame {
 };
 
 INLINE V splat(R a) { return V{a, a, a, a, a, a, a, a}; }
-INLINE V load(const R *p) { V v; memcpy(&v, p, sizeof v); return v; }
-INLINE void store(R *p, V v) { memcpy(p, &v, sizeof v); }
-INLINE H load_short(const R *p) { H v; memcpy(&v, p, sizeof v); return v; }
+INLINE V load(const R *p) { return *(const UV *)p; }
+INLINE void store(R *p, V v) { *(UV *)p = v; }
+INLINE H load_short(const R *p) { return *(const UH *)p; }
 INLINE void accumulate(R *p, V v) { store(p, load(p) + v); }
 INLINE V root(V a) { V r; for (int i = 0; i < W; ++i) r[i] = std::sqrt(a[i]); return r; }
 INLINE V larger(V a, V b) { return a > b ? a : b; }
@@ -124,8 +126,8 @@ INLINE void scatter(R *rows, const V in[8]) {
 
 INLINE void store_short(R *p, V a) {
   H low = PICK(a, a, 0, 1, 2, 3), high = PICK(a, a, 4, 5, 6, 7);
-  memcpy(p, &low, sizeof low);
-  memcpy(p + 4 * ROW, &high, sizeof high);
+  *(UH *)p = low;
+  *(UH *)(p + 4 * ROW) = high;
 }
 
 // Four vectors as the first halves of eight rows.
