@@ -10,8 +10,9 @@ from torch import Tensor, nn
 
 from model.errors import InputError
 
-Over: TypeAlias = Literal["scene", "vector", "points", "springs", "controllers", "edges"]
-"""What a constant has one value for; `edges` are the springs followed by the controller springs."""
+Over: TypeAlias = Literal["scene", "vector", "points", "springs", "controllers", "edges", "stencils"]
+"""What a constant has one value for; `edges` are the springs followed by the controller springs, `stencils` a
+term's own groups of points."""
 TensorLike: TypeAlias = Tensor | np.ndarray | float | tuple[float, ...]
 Values: TypeAlias = Mapping[str, Tensor]
 
@@ -65,6 +66,10 @@ class Parametric(nn.Module):
             self.register_parameter(f"log_{name}", nn.Parameter(known.log(), requires_grad=False))
         else:
             self.register_parameter(name, nn.Parameter(known.clone(), requires_grad=False))
+
+    def own_size(self, over: str) -> int | None:
+        """How many values a constant over `over` has, where that is for the module itself to say."""
+        return None
 
     def value(self, name: str) -> Tensor:
         """The constant `name` in its unit, on the graph of whatever it depends on."""

@@ -128,7 +128,10 @@ def check_shapes(module: Parametric, system: System, name: str) -> None:
         InputError: naming the constant, what was expected and what was found.
     """
     for key, constant in module.constants.items():
-        shape, size = tuple(module.value(key).shape), system.size(constant.over)
+        shape, size = (
+            tuple(module.value(key).shape),
+            module.own_size(constant.over) or system.size(constant.over),
+        )
         if constant.over == "vector":
             fits = shape[-1:] == (3,)
         else:

@@ -1,10 +1,12 @@
 """Force terms. One law, one file; listed here, a term is in the shared property tests."""
 
+from model.simulator.forces.bending import Bending
 from model.simulator.forces.controller import ControllerSpring
 from model.simulator.forces.dashpot import Dashpot
 from model.simulator.forces.drag import Drag
 from model.simulator.forces.gravity import Gravity
 from model.simulator.forces.spring import Spring
 from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
+from model.simulator.forces.volume import Volume
 
-ALL_FORCES = (Spring, ControllerSpring, Dashpot, UnprojectedDashpot, Gravity, Drag)
+ALL_FORCES = (Spring, ControllerSpring, Dashpot, UnprojectedDashpot, Gravity, Drag, Bending, Volume)

@@ -11,7 +11,7 @@ from model.simulator.dynamics import Dynamics
 from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State, System
 
-POINTS, CONTROLLERS = 9, 2
+POINTS, CONTROLLERS, STENCILS = 9, 2, 5
 
 
 @pytest.fixture
@@ -75,9 +75,12 @@ def make(rng):
     def build(kind, system):
         values = {}
         for name, constant in kind.constants.items():
-            size = system.size(constant.over)
+            size = STENCILS if constant.over == "stencils" else system.size(constant.over)
             values[name] = torch.from_numpy(np.asarray(rng.uniform(*constant.range, size or ())))
         given = {"system": system, "distance": 0.06}
+        if hasattr(kind, "size"):
+            chosen = [rng.permutation(POINTS)[: kind.size] for _ in range(STENCILS)]
+            given["stencils"] = torch.from_numpy(np.stack(chosen))
         wanted = inspect.signature(kind.__init__).parameters
         return kind(**values, **{name: value for name, value in given.items() if name in wanted})
 
