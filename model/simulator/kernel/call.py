@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from model.simulator.kernel.layout import LANES, Layout
+from model.simulator.kernel.layout import LANES, Incidence, Layout
 
 SPARSE = 2000
 """Slot rows below which a second thread costs more than it saves."""
@@ -25,6 +25,8 @@ class Frame(ctypes.Structure):
         *((name, _P) for name in ("spring_offset", "controller_offset")),
         ("spring_rows", _L),
         ("controller_rows", _L),
+        *((name, _P) for name in ("groups", "corner_row", "corners", "incidence_start", "incidence_offset")),
+        *((name, _P) for name in ("corner_forces", "corner_adjoints")),
         *((name, _P) for name in ("rows", "before", "after")),
         *((name, _P) for name in ("inverse_mass", "factor", "restitution", "friction", "height", "gravity")),
         *((name, _P) for name in ("edge", "scene", "memory", "adjoint")),
@@ -47,6 +49,31 @@ class Interval:
     """The whole frame [s]."""
 
 
+@dataclass(frozen=True)
+class Graphs:
+    """What is joined to what."""
+
+    layout: Layout
+    incidence: Incidence | None
+
+    def fill(self, frame: Frame, alive: list[object]) -> None:
+        """Write it into a frame; `alive` keeps what the pointers lead to."""
+        layout, incidence = self.layout, self.incidence
+        frame.slices, frame.controllers = layout.slices, layout.controllers
+        for kind, slots in (("spring", layout.springs), ("controller", layout.held)):
+            setattr(frame, f"{kind}_start", slots.start.data_ptr())
+            setattr(frame, f"{kind}_offset", slots.offset.data_ptr())
+            setattr(frame, f"{kind}_rows", slots.rows)
+        if incidence is not None:
+            groups = (_L * len(incidence.laws))(*(law.rows for law in incidence.laws))
+            corners = (_P * len(incidence.laws))(*(law.offset.data_ptr() for law in incidence.laws))
+            alive += [groups, corners]
+            frame.groups, frame.corners = ctypes.addressof(groups), ctypes.addressof(corners)
+            frame.corner_row = incidence.corner_row.data_ptr()
+            frame.incidence_start = incidence.points.start.data_ptr()
+            frame.incidence_offset = incidence.points.offset.data_ptr()
+
+
 @dataclass
 class Buffers:
     """Contiguous tensors whose first dimension is the batch, of one element where all share it."""
@@ -60,7 +87,7 @@ class Buffers:
 def call(
     library: ctypes.CDLL,
     direction: str,
-    layout: Layout,
+    graph: Graphs,
     interval: Interval,
     buffers: Buffers,
     whole: Mapping[str, int],
@@ -71,27 +98,24 @@ def call(
     Args:
         library: The kernel.
         direction: Which.
-        layout: The graph.
+        graph: What is joined to what.
         interval: Length and number of substeps.
         buffers: What is read and written.
         whole: `first`, `steps`, `ring` and `keep`.
         batch: Elements.
     """
+    layout = graph.layout
     slots = layout.springs.rows + layout.held.rows
     threads = min(torch.get_num_threads(), batch if batch > 1 else max(1, slots // SPARSE))
     partition = layout.partition(threads if batch == 1 else 1)
     frames = (Frame * batch)()
     alive: list[object] = [partition]
     for index, frame in enumerate(frames):
-        frame.slices, frame.controllers = layout.slices, layout.controllers
+        graph.fill(frame, alive)
         frame.dt, frame.count, frame.interval = interval.dt, interval.count, interval.seconds
+        frame.partition = partition.data_ptr()
         for name, value in whole.items():
             setattr(frame, name, value)
-        frame.partition = partition.data_ptr()
-        for kind, slots_of in (("spring", layout.springs), ("controller", layout.held)):
-            setattr(frame, f"{kind}_start", slots_of.start.data_ptr())
-            setattr(frame, f"{kind}_offset", slots_of.offset.data_ptr())
-            setattr(frame, f"{kind}_rows", slots_of.rows)
         for name, tensor in buffers.single.items():
             if name == "pulls":
                 frame.pulls = (_P * 2)(*(_pointer(part, index) for part in tensor))

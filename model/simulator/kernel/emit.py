@@ -1,11 +1,13 @@
 """The C++ text of a simulator's kernel: its traced laws in the engine."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
 
+from model.simulator.kernel.corners import Corners
+from model.simulator.kernel.expression import Expression
 from model.simulator.kernel.groups import Group, Kind, key
 from model.simulator.kernel.text import Statements
 
@@ -15,11 +17,14 @@ ENGINE = Path(__file__).with_name("engine.cpp")
 KINDS: tuple[Kind, ...] = ("springs", "controllers")
 
 
-def kernel_source(groups: Mapping[Kind, Group], ground: bool, dtype: torch.dtype) -> str:
+def kernel_source(
+    groups: Mapping[Kind, Group], corners: Sequence[Corners], ground: bool, dtype: torch.dtype
+) -> str:
     """A whole substep and its adjoint.
 
     Args:
         groups: What pulls the springs and the controller springs, where anything does.
+        corners: What acts on small groups of points.
         ground: Whether there is a ground.
         dtype: float32 or float64.
     """
@@ -31,6 +36,7 @@ def kernel_source(groups: Mapping[Kind, Group], ground: bool, dtype: torch.dtype
         f"#define SINGLE {int(dtype == torch.float32)}",
         f"#define GROUND {int(ground)}",
         *(f"#define {kind.upper()} {int(kind in groups)}" for kind in KINDS),
+        f"#define STENCILS {len(corners)}",
         "",
     ]
     laws, counts = list[str](), (0, 0, 0)
@@ -39,6 +45,11 @@ def kernel_source(groups: Mapping[Kind, Group], ground: bool, dtype: torch.dtype
         if kind in groups:
             counts = _fill(struct, groups[kind], counts)
         laws.append(struct.text())
+    for index, each in enumerate(corners):
+        text, counts = _corners(f"Stencil{index}", each, counts)
+        laws.append(text)
+    calls = " ".join(f"{{ Stencil{index} law(f); go(law, {index}); }}" for index in range(len(corners)))
+    laws.append(f"template <class Do> INLINE void each_stencil(const Frame &f, Do go) {{ {calls} }}\n")
     return "\n".join(head) + ENGINE.read_text().replace("// THE LAWS", "\n".join(laws))
 
 
@@ -80,10 +91,9 @@ def _fill(struct: _Struct, group: Group, before: tuple[int, int, int]) -> tuple[
     for given in group.inputs:
         name = key(given.term, given.name)
         if given.each:
-            struct.fields += [f"const R *a{edges}", f"R *ga{edges}"]
-            struct.made += [f"a{edges}(f.edge[{edges}])", f"ga{edges}(f.edge_gradient[{edges}])"]
-            symbols[name] = f"load(a{edges} + W * slot)"
-            sinks[name] = f"if (ga{edges}) accumulate(ga{edges} + W * slot, {{}});"
+            fields, made, symbols[name], sinks[name] = _per_edge(edges)
+            struct.fields += fields
+            struct.made += made
             edges += 1
         else:
             struct.fields += [f"V s{scenes}", f"V gs{scenes}"]
@@ -108,6 +118,58 @@ def _fill(struct: _Struct, group: Group, before: tuple[int, int, int]) -> tuple[
     struct.tension = _tension(group, symbols, first)
     struct.pull_back = _pull_back(group, symbols, sinks)
     return edges, scenes, memories
+
+
+def _per_edge(index: int) -> tuple[list[str], list[str], str, str]:
+    """Fields, their initialisers, how a constant is read, and where its adjoint goes."""
+    fields = [f"const R *a{index}", f"R *ga{index}"]
+    made = [f"a{index}(f.edge[{index}])", f"ga{index}(f.edge_gradient[{index}])"]
+    sink = f"if (ga{index}) accumulate(ga{index} + W * slot, {{}});"
+    return fields, made, f"load(a{index} + W * slot)", sink
+
+
+def _corners(name: str, corners: Corners, before: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
+    """The law of a stencil as the engine wants it."""
+    edges, scenes, memories = before
+    symbols = {symbol: "{}[{}][{}]".format(*symbol.split(".")) for symbol in corners.symbols}
+    fields, made, sinks = list[str](), list[str](), list[str]()
+    for given in corners.inputs:
+        if given.each:
+            more, how, symbols[key(given.term, given.name)], sink = _per_edge(edges)
+            edges += 1
+        else:
+            more, how = [f"V s{scenes}", f"R *gs{scenes}"], [f"s{scenes}(splat(f.scene[{scenes}]))"]
+            how.append(f"gs{scenes}(f.scene_gradient[{scenes}])")
+            symbols[key(given.term, given.name)] = f"s{scenes}"
+            sink = f"if (gs{scenes}) accumulate(gs{scenes} + W * slot, {{}});"
+            scenes += 1
+        fields, made, sinks = [*fields, *more], [*made, *how], [*sinks, sink]
+    ahead = Statements(corners.forces, symbols)
+    back = Statements([*corners.forces, *corners.places, *corners.constants], symbols)
+    forces, bars = _assigned("force", corners.forces, 3), _assigned("bar", corners.places, 6)
+    constants = [sink.format(back.name(bar)) for sink, bar in zip(sinks, corners.constants, strict=True)]
+    acts, arguments = "V force[][3]", "int64_t slot, const V x[][6]"
+    lines = [
+        f"struct {name} {{",
+        f"  enum {{ SIZE = {corners.size} }};",
+        *(f"  {each};" for each in fields),
+        f"  LAW {name}(const Frame &f)" + (" : " + ", ".join(made) if made else "") + " {}",
+        f"  LAW void forces({arguments}, {acts}) const {{",
+        *(f"    {line}" for line in [*ahead.lines, *(f.format(ahead.name(e)) for f, e in forces)]),
+        "  }",
+        f"  LAW void pull_back({arguments}, const V pulled[][3], {acts}, V bar[][6]) const {{",
+        *(f"    {line}" for line in back.lines),
+        *(f"    {f.format(back.name(e))}" for f, e in [*forces, *bars]),
+        *(f"    {line}" for line in constants),
+        "  }",
+        "};\n",
+    ]
+    return "\n".join(lines), (edges, scenes, memories)
+
+
+def _assigned(name: str, values: Sequence[Expression], width: int) -> list[tuple[str, Expression]]:
+    """Assignments to the entries of an array of arrays."""
+    return [(f"{name}[{i // width}][{i % width}] = {{}};", value) for i, value in enumerate(values)]
 
 
 def _tension(group: Group, symbols: Mapping[str, str], first: int) -> list[str]:

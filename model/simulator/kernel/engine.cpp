@@ -6,9 +6,13 @@
 // do not depend on the number of threads. Vector extensions only: any CPU that GCC or clang compiles for.
 //
 // Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size,
-// and the macros SINGLE, GROUND, SPRINGS and CONTROLLERS. The traced laws take the place of the line that says so.
+// and the macros SINGLE, GROUND, SPRINGS, CONTROLLERS and STENCILS. The traced laws take the place of the line that says so.
+#include <atomic>
 #include <cmath>
 #include <cstdint>
+#include <sched.h>
+#include <type_traits>
+#include <vector>
 #ifdef _OPENMP
 #include <omp.h>
 #else
@@ -38,6 +42,11 @@ struct Frame {
   const int64_t *spring_start, *controller_start;            // [slices + 1] slot rows
   const int32_t *spring_offset, *controller_offset;          // per slot: where the other end's row begins
   int64_t spring_rows, controller_rows;                      // slot rows in all
+  const int64_t *groups, *corner_row;                        // per stencil law: eights, and where its corners begin
+  const int32_t *const *corners;                             // per stencil law: where points' rows begin [.][size][W]
+  const int64_t *incidence_start;                            // [slices + 1] slot rows: the corners that a point is
+  const int32_t *incidence_offset;                           // per slot: where the corner's row begins
+  R *corner_forces, *corner_adjoints;                        // [corner][8], the last one zero
   R *rows;                                                   // [ring][row][8]
   const R *before, *after;                                   // controllers at the ends of the frame [.][3]
   const R *inverse_mass, *factor, *restitution, *friction, *height;  // per point
@@ -186,51 +195,143 @@ INLINE void place(const Frame &f, int64_t substep, R *rows) {
   }
 }
 
-static void advance(const Frame &f, int thread, int threads) {
-  const int64_t stride = ROW * (W * f.slices + f.controllers);
-  const int64_t begin = f.partition[thread], end = thread + 1 < threads ? f.partition[thread + 1] : f.slices;
-  const V dt = splat(R(f.dt));
-  if (thread == 0) place(f, f.first, f.rows);
-  if (threads > 1) {
-#pragma omp barrier
+// Who does what: each thread has a share of every phase, in pieces. Who is done with its own takes pieces of
+// others', and the next phase begins when all pieces are done - not when all threads are there, so one that the
+// system has put aside holds nobody up.
+struct Team {
+  enum { PIECES = 8, PATIENCE = 4000 };
+  int threads;
+  std::vector<std::atomic<int32_t>> taken, done;
+  Team(int threads, int64_t phases) : threads(threads), taken(phases * threads), done(phases) {}
+
+  template <class Bound, class Work>
+  LAW void share(int64_t phase, int thread, Bound bound, Work work) {
+    if (threads == 1) return work(bound(0), bound(1));
+    for (int other = 0; other < threads; ++other) {
+      const int owner = (thread + other) % threads;
+      const int64_t begin = bound(owner), length = bound(owner + 1) - begin;
+      for (int64_t piece; (piece = taken[phase * threads + owner].fetch_add(1)) < PIECES;) {
+        work(begin + length * piece / PIECES, begin + length * (piece + 1) / PIECES);
+        done[phase].fetch_add(1, std::memory_order_release);
+      }
+    }
+    for (int spin = 0; done[phase].load(std::memory_order_acquire) < threads * PIECES; ++spin)
+      if (spin > PATIENCE) sched_yield();
   }
+};
+
+// The stencils [begin, end) of all laws, counted in eights.
+template <class Do>
+INLINE void stencils_of(const Frame &f, int64_t begin, int64_t end, Do go) {
+  int64_t passed = 0;
+  each_stencil(f, [&](auto &law, int term) {
+    const int64_t from = begin > passed ? begin - passed : 0, here = f.groups[term];
+    for (int64_t group = from; group < here && group < end - passed; ++group) go(law, term, group);
+    passed += here;
+  });
+}
+
+INLINE int64_t all_groups(const Frame &f) {
+  int64_t sum = 0;
+  for (int term = 0; term < STENCILS; ++term) sum += f.groups[term];
+  return sum;
+}
+
+static void bend(const Frame &f, const R *rows, int64_t begin, int64_t end) {
+  stencils_of(f, begin, end, [&](auto &law, int term, int64_t group) {
+    enum { SIZE = std::remove_reference_t<decltype(law)>::SIZE };
+    V at[SIZE][6], force[SIZE][3];
+    for (int c = 0; c < SIZE; ++c) gather(rows, f.corners[term] + W * (SIZE * group + c), at[c]);
+    law.forces(group, at, force);
+    for (int c = 0; c < SIZE; ++c) {
+      V out[4] = {force[c][0], force[c][1], force[c][2], splat(0)};
+      scatter_short(f.corner_forces + ROW * (f.corner_row[term] + W * (SIZE * group + c)), out);
+    }
+  });
+}
+
+static void bend_back(const Frame &f, const R *rows, const R *pulls, int64_t begin, int64_t end) {
+  stencils_of(f, begin, end, [&](auto &law, int term, int64_t group) {
+    enum { SIZE = std::remove_reference_t<decltype(law)>::SIZE };
+    V at[SIZE][6], pulled[SIZE][3], force[SIZE][3], bar[SIZE][6], unused;
+    for (int c = 0; c < SIZE; ++c) {
+      const int32_t *where = f.corners[term] + W * (SIZE * group + c);
+      gather(rows, where, at[c]);
+      quad(pulls, where, pulled[c][0], pulled[c][1], pulled[c][2], unused);
+    }
+    law.pull_back(group, at, pulled, force, bar);
+    for (int c = 0; c < SIZE; ++c) {
+      const int64_t row = ROW * (f.corner_row[term] + W * (SIZE * group + c));
+      V acts[4] = {force[c][0], force[c][1], force[c][2], splat(0)};
+      V out[8] = {bar[c][0], bar[c][1], bar[c][2], bar[c][3], bar[c][4], bar[c][5], splat(0), splat(0)};
+      scatter_short(f.corner_forces + row, acts);
+      scatter(f.corner_adjoints + row, out);
+    }
+  });
+}
+
+INLINE void collect(const Frame &f, int64_t slice, V force[3]) {
+  for (int64_t slot = f.incidence_start[slice]; slot < f.incidence_start[slice + 1]; ++slot) {
+    V one[3], unused;
+    quad(f.corner_forces, f.incidence_offset + W * slot, one[0], one[1], one[2], unused);
+    for (int k = 0; k < 3; ++k) force[k] += one[k];
+  }
+}
+
+INLINE void collect_adjoint(const Frame &f, int64_t slice, V bar[6]) {
+  for (int64_t slot = f.incidence_start[slice]; slot < f.incidence_start[slice + 1]; ++slot) {
+    V one[6];
+    gather(f.corner_adjoints, f.incidence_offset + W * slot, one);
+    for (int k = 0; k < 6; ++k) bar[k] += one[k];
+  }
+}
+
+static void move(const Frame &f, int64_t step, const R *from, R *to, int64_t begin, int64_t end) {
+  const V dt = splat(R(f.dt));
+  const Springs springs(f, step);
+  const Controllers controllers(f, step);
+  for (int64_t slice = begin; slice < end; ++slice) {
+    V me[6], force[3] = {splat(0), splat(0), splat(0)};
+    gather(from + ROW * W * slice, NEXT, me);
+    if (SPRINGS) pull(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], from, me, force);
+    if (CONTROLLERS)
+      pull(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1], from, me,
+           force);
+    if (STENCILS) collect(f, slice, force);
+    const V mobility = load(f.inverse_mass + W * slice), factor = load(f.factor + W * slice);
+    V out[8];
+    for (int k = 0; k < 3; ++k) out[3 + k] = (me[3 + k] + dt * (force[k] * mobility + f.gravity[k])) * factor;
+    out[6] = out[7] = splat(0);
+    if (GROUND) {
+      const V mu = load(f.friction + W * slice), e = load(f.restitution + W * slice);
+      M meets = (me[2] + dt * out[5] < load(f.height + W * slice)) & (out[5] < 0);
+      V approach = meets ? -out[5] : splat(0);
+      V slip = larger(root(out[3] * out[3] + out[4] * out[4]), splat(SLOWEST));
+      V kept = larger(1 - mu * (1 + e) * approach / slip, splat(0));
+      kept = meets ? kept : splat(1);
+      out[3] *= kept;
+      out[4] *= kept;
+      out[5] = meets ? e * approach : out[5];
+      out[6] = approach;
+      out[7] = kept;
+    }
+    for (int k = 0; k < 3; ++k) out[k] = me[k] + dt * out[3 + k];
+    scatter(to + ROW * W * slice, out);
+  }
+  if (begin == 0 && end > 0) place(f, f.first + step + 1, to);
+}
+
+static void advance(const Frame &f, Team &team, int thread) {
+  const int64_t stride = ROW * (W * f.slices + f.controllers), groups = all_groups(f);
+  const auto slices = [&](int owner) { return owner < team.threads ? f.partition[owner] : f.slices; };
+  const auto eights = [&](int owner) { return groups * owner / team.threads; };
+  int64_t phase = 0;
   for (int64_t step = 0; step < f.steps; ++step) {
     const R *from = f.rows + stride * (step % f.ring);
     R *to = f.rows + stride * ((step + 1) % f.ring);
-    const Springs springs(f, step);
-    const Controllers controllers(f, step);
-    for (int64_t slice = begin; slice < end; ++slice) {
-      V me[6], force[3] = {splat(0), splat(0), splat(0)};
-      gather(from + ROW * W * slice, NEXT, me);
-      if (SPRINGS)
-        pull(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], from, me, force);
-      if (CONTROLLERS)
-        pull(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1], from, me,
-             force);
-      const V mobility = load(f.inverse_mass + W * slice), factor = load(f.factor + W * slice);
-      V out[8];
-      for (int k = 0; k < 3; ++k) out[3 + k] = (me[3 + k] + dt * (force[k] * mobility + f.gravity[k])) * factor;
-      out[6] = out[7] = splat(0);
-      if (GROUND) {
-        const V mu = load(f.friction + W * slice), e = load(f.restitution + W * slice);
-        M meets = (me[2] + dt * out[5] < load(f.height + W * slice)) & (out[5] < 0);
-        V approach = meets ? -out[5] : splat(0);
-        V slip = larger(root(out[3] * out[3] + out[4] * out[4]), splat(SLOWEST));
-        V kept = larger(1 - mu * (1 + e) * approach / slip, splat(0));
-        kept = meets ? kept : splat(1);
-        out[3] *= kept;
-        out[4] *= kept;
-        out[5] = meets ? e * approach : out[5];
-        out[6] = approach;
-        out[7] = kept;
-      }
-      for (int k = 0; k < 3; ++k) out[k] = me[k] + dt * out[3 + k];
-      scatter(to + ROW * W * slice, out);
-    }
-    if (thread == 0) place(f, f.first + step + 1, to);
-    if (threads > 1) {
-#pragma omp barrier
-    }
+    if (STENCILS)
+      team.share(phase++, thread, eights, [&](int64_t begin, int64_t end) { bend(f, from, begin, end); });
+    team.share(phase++, thread, slices, [&](int64_t begin, int64_t end) { move(f, step, from, to, begin, end); });
   }
 }
 
@@ -307,60 +408,80 @@ INLINE void pull_back(Law &law, const int32_t *offset, int64_t begin, int64_t en
   }
 }
 
-static void retreat(const Frame &f, int thread, int threads) {
-  const int64_t stride = ROW * (W * f.slices + f.controllers), held_stride = W * f.controller_rows;
-  const int64_t begin = f.partition[thread], end = thread + 1 < threads ? f.partition[thread + 1] : f.slices;
-  for (int64_t slice = begin; slice < end; ++slice) {
+static void end(const Frame &f, int64_t first, int64_t last) {
+  const R *after = f.rows + ROW * (W * f.slices + f.controllers) * f.steps;
+  for (int64_t slice = first; slice < last; ++slice) {
     V bar[6];
     for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
-    local(f, slice, f.rows + stride * f.steps, bar, bar + 3, f.pulls[f.steps & 1]);
+    local(f, slice, after, bar, bar + 3, f.pulls[f.steps & 1]);
     for (int k = 0; k < 6; ++k) store(f.adjoint + W * (6 * slice + k), bar[k]);
   }
-  if (threads > 1) {
-#pragma omp barrier
+}
+
+static void move_back(const Frame &f, int64_t step, const R *rows, const R *pulls, int64_t begin, int64_t end) {
+  const int64_t held_stride = W * f.controller_rows;
+  const V share = splat(R(double(f.first + step + 1) / double(f.count))), pace = splat(R(1 / f.interval));
+  for (int64_t slice = begin; slice < end; ++slice) {
+    Springs springs(f, step);
+    Controllers controllers(f, step);
+    V me[6], mine[3], unused, bar[6], force[3] = {splat(0), splat(0), splat(0)};
+    gather(rows + ROW * W * slice, NEXT, me);
+    quad(pulls + ROW * W * slice, NEXT, mine[0], mine[1], mine[2], unused);
+    for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
+    if (SPRINGS)
+      pull_back<true>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,
+                      mine, force, bar, bar + 3, nullptr, 0, share, pace);
+    if (CONTROLLERS)
+      pull_back<false>(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1],
+                       rows, pulls, me, mine, force, bar, bar + 3, f.held_gradient, held_stride, share, pace);
+    if (SPRINGS) springs.finish(f, slice);
+    if (CONTROLLERS) controllers.finish(f, slice);
+    if (STENCILS) collect_adjoint(f, slice, bar);
+    if (f.inverse_mass_gradient) {
+      if (STENCILS) collect(f, slice, force);
+      V sum = mine[0] * force[0] + mine[1] * force[1] + mine[2] * force[2];
+      accumulate(f.inverse_mass_gradient + W * slice, sum / load(f.inverse_mass + W * slice));
+    }
+    if (step) local(f, slice, rows, bar, bar + 3, f.pulls[step & 1]);
+    for (int k = 0; k < 6; ++k) store(f.adjoint + W * (6 * slice + k), bar[k]);
   }
+}
+
+static void retreat(const Frame &f, Team &team, int thread) {
+  const int64_t stride = ROW * (W * f.slices + f.controllers), groups = all_groups(f);
+  const auto slices = [&](int owner) { return owner < team.threads ? f.partition[owner] : f.slices; };
+  const auto eights = [&](int owner) { return groups * owner / team.threads; };
+  int64_t phase = 0;
+  team.share(phase++, thread, slices, [&](int64_t begin, int64_t last) { end(f, begin, last); });
   for (int64_t step = f.steps - 1; step >= 0; --step) {
     const R *rows = f.rows + stride * step, *pulls = f.pulls[(step + 1) & 1];
-    const V share = splat(R(double(f.first + step + 1) / double(f.count))), pace = splat(R(1 / f.interval));
-    for (int64_t slice = begin; slice < end; ++slice) {
-      Springs springs(f, step);
-      Controllers controllers(f, step);
-      V me[6], mine[3], unused, bar[6], force[3] = {splat(0), splat(0), splat(0)};
-      gather(rows + ROW * W * slice, NEXT, me);
-      quad(pulls + ROW * W * slice, NEXT, mine[0], mine[1], mine[2], unused);
-      for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
-      if (SPRINGS)
-        pull_back<true>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,
-                        mine, force, bar, bar + 3, nullptr, 0, share, pace);
-      if (CONTROLLERS)
-        pull_back<false>(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1],
-                         rows, pulls, me, mine, force, bar, bar + 3, f.held_gradient, held_stride, share, pace);
-      if (SPRINGS) springs.finish(f, slice);
-      if (CONTROLLERS) controllers.finish(f, slice);
-      if (f.inverse_mass_gradient) {
-        V sum = mine[0] * force[0] + mine[1] * force[1] + mine[2] * force[2];
-        accumulate(f.inverse_mass_gradient + W * slice, sum / load(f.inverse_mass + W * slice));
-      }
-      if (step) local(f, slice, rows, bar, bar + 3, f.pulls[step & 1]);
-      for (int k = 0; k < 6; ++k) store(f.adjoint + W * (6 * slice + k), bar[k]);
-    }
-    if (threads > 1) {
-#pragma omp barrier
-    }
+    if (STENCILS)
+      team.share(phase++, thread, eights,
+                 [&](int64_t begin, int64_t last) { bend_back(f, rows, pulls, begin, last); });
+    team.share(phase++, thread, slices,
+               [&](int64_t begin, int64_t last) { move_back(f, step, rows, pulls, begin, last); });
   }
 }
 
 template <class Work>
 static void share_out(const Frame *frames, int batch, int threads, Work work) {
+  Team together(batch > 1 ? 1 : threads, 2 * frames[0].steps + 1);
 #pragma omp parallel num_threads(threads)
   {
-    const int thread = omp_get_thread_num(), team = omp_get_num_threads();
-    if (batch > 1 || team != threads)
-      for (int b = thread; b < batch; b += team) work(frames[b], 0, 1);
+    const int thread = omp_get_thread_num();
+    if (batch == 1)
+      work(frames[0], together, thread);
     else
-      work(frames[0], thread, threads);
+      for (int b = thread; b < batch; b += omp_get_num_threads()) {
+        Team alone(1, 0);
+        work(frames[b], alone, 0);
+      }
   }
 }
 
-extern "C" void forward(const Frame *frames, int batch, int threads) { share_out(frames, batch, threads, advance); }
+extern "C" void forward(const Frame *frames, int batch, int threads) {
+  for (int b = 0; b < batch; ++b) place(frames[b], frames[b].first, frames[b].rows);
+  share_out(frames, batch, threads, advance);
+}
+
 extern "C" void backward(const Frame *frames, int batch, int threads) { share_out(frames, batch, threads, retreat); }

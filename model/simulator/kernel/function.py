@@ -8,12 +8,14 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from model.simulator.kernel.call import Buffers, Interval, call, slot_rows
+from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
 from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.program import (
+    Acts,
     History,
     Program,
     Stretch,
+    corner_rows,
     first_rows,
     histories,
     record,
@@ -141,7 +143,12 @@ class Adjoint:
             make(self._batch, program.slots(kind).rows * LANES) if next(wanted) else None
             for kind in program.edges
         ]
-        self._scenes = [make(points) if next(wanted) else None for _ in program.scenes]
+        self._scenes = [
+            make(self._batch, program.slots(kind).rows * LANES if isinstance(kind, int) else points[1])
+            if next(wanted)
+            else None
+            for kind in program.scenes
+        ]
 
     def _wants(self, name: str) -> bool:
         return self._needs[NAMED.index(name)]
@@ -152,6 +159,7 @@ class Adjoint:
         single |= {"rows": history.rows, "adjoint": self._state, "pulls": self._pulls}
         single |= {} if self._gravity is None else {"gravity_gradient": self._gravity}
         single |= {} if self._held is None else {"held_gradient": self._held}
+        single |= corner_rows(self._task.program, history.rows, "corner_forces", "corner_adjoints")
         buffers = Buffers(
             {**self._values.single, **single},
             {
@@ -164,7 +172,8 @@ class Adjoint:
         )
         whole = {"first": history.first, "steps": history.steps, "ring": history.steps + 1, "keep": 1}
         program = self._task.program
-        call(program.library, "backward", program.layout, self._task.interval, buffers, whole, self._batch)
+        graph = Graphs(program.layout, program.incidence)
+        call(program.library, "backward", graph, self._task.interval, buffers, whole, self._batch)
 
     def gradients(self) -> list[Tensor | None]:
         """Of every input, in order; None where none is wanted."""
@@ -177,8 +186,8 @@ class Adjoint:
             None if g is None else g.index_select(1, program.slots(kind).places[0])
             for g, kind in zip(self._edges, program.edges, strict=True)
         ]
-        scenes = [  # a spring is seen from both of its ends
-            None if g is None else g.sum(1, keepdim=True) / len(program.slots(kind).places)
+        scenes = [
+            None if g is None else self._total(g, kind)
             for g, kind in zip(self._scenes, program.scenes, strict=True)
         ]
         memories = [
@@ -186,6 +195,13 @@ class Adjoint:
             for g, kind in zip(self._memories, program.memories, strict=True)
         ]
         return [state[..., :3], state[..., 3:], before, after, gravity, *points, *edges, *scenes, *memories]
+
+    def _total(self, gradient: Tensor, kind: Acts) -> Tensor:
+        """Of a constant of the scene, from its shares per point or per stencil."""
+        places = self._task.program.slots(kind).places
+        if isinstance(kind, int):
+            return gradient.index_select(1, places[0]).sum(1, keepdim=True)
+        return gradient.sum(1, keepdim=True) / len(places)  # a spring is seen from both of its ends
 
     def _controllers(self) -> tuple[Tensor | None, Tensor | None]:
         """Of where the controllers are at both ends of the frame [B, C, 3]."""

@@ -12,16 +12,18 @@ from model.simulator.dynamics import Dynamics
 from model.simulator.forces.base import AxialForce
 from model.simulator.forces.decay import Decay
 from model.simulator.forces.gravity import Gravity
+from model.simulator.forces.stencil import StencilForce
 from model.simulator.integrators.base import Integrator
 from model.simulator.integrators.semi_implicit_euler import SemiImplicitEuler
 from model.simulator.kernel.build import CannotBuild, load
 from model.simulator.kernel.call import Buffers, Interval
+from model.simulator.kernel.corners import Corners, trace_corners
 from model.simulator.kernel.emit import KINDS, TYPES, kernel_source
 from model.simulator.kernel.expression import Untraceable
 from model.simulator.kernel.function import NAMED, FrameFunction, Task
 from model.simulator.kernel.groups import SYSTEM, Act, Group, Input, Kind, trace_group
-from model.simulator.kernel.layout import lay_out
-from model.simulator.kernel.program import Program
+from model.simulator.kernel.layout import lay_out, lay_out_stencils
+from model.simulator.kernel.program import Acts, Program
 from model.simulator.parameters import Values
 from model.simulator.system import State
 
@@ -48,17 +50,21 @@ class Kernel:
         self._batch, self._count = batch, math.prod(batch)
         edges = dynamics.system.edges
         groups = {kind: group for kind in KINDS if (group := _group(dynamics, kind)) is not None}
+        stencils = [(t, v) for t, v in dynamics.forces if isinstance(t, StencilForce) and len(t.stencils)]
+        corners = [_corners(term, values) for term, values in stencils]
         ground = next(((t, v) for t, v in dynamics.contacts if isinstance(t, Ground)), None)
         dtype = dynamics.mass.dtype
         try:
-            library = load(kernel_source(groups, ground is not None, dtype))
+            library = load(kernel_source(groups, corners, ground is not None, dtype))
         except CannotBuild as error:
             raise Inexpressible(str(error)) from error
-        inputs = [(kind, each) for kind, group in groups.items() for each in group.inputs]
+        inputs: list[tuple[Acts, Input]] = [(k, each) for k, group in groups.items() for each in group.inputs]
+        inputs += [(number, each) for number, law in enumerate(corners) for each in law.inputs]
         self._memory = [name for group in groups.values() for name in group.memory]
         self._program = Program(
             library,
             lay_out(edges),
+            lay_out_stencils(edges, tuple(term for term, _ in stencils)) if stencils else None,
             tuple(kind for kind, each in inputs if each.each),
             tuple(kind for kind, each in inputs if not each.each),
             tuple(kind for kind, group in groups.items() for _ in group.memory),
@@ -134,11 +140,11 @@ class Kernel:
         points = {name: self._flat(value.expand(*value.shape[:-1], count)) for name, value in made.items()}
         return {"gravity": self._flat(gravity), **points}
 
-    def _value(self, dynamics: Dynamics, terms: Mapping[str, Values], kind: Kind, given: Input) -> Tensor:
+    def _value(self, dynamics: Dynamics, terms: Mapping[str, Values], kind: Acts, given: Input) -> Tensor:
         edges, value = dynamics.system.edges, terms[given.term][given.name]
         if not given.each:
             return self._flat(value.unsqueeze(-1) if not value.ndim else value)
-        if value.shape[-1] == len(edges) and edges.controller_spring_count:
+        if not isinstance(kind, int) and value.shape[-1] == len(edges) and edges.controller_spring_count:
             start = 0 if kind == "springs" else edges.spring_count
             size = edges.spring_count if kind == "springs" else edges.controller_spring_count
             value = value.narrow(-1, start, size)
@@ -170,6 +176,7 @@ def _check(dynamics: Dynamics, integrator: Integrator) -> None:
             getattr(type(term), name) is getattr(AxialForce, name)
             for name in ("force", "edge_force", "tension")
         )
+        plain |= isinstance(term, StencilForce) and type(term).force is StencilForce.force
         if not (plain or isinstance(term, Decay) or type(term) is Gravity):
             raise Inexpressible(f"the force {term.name!r} is not in it")
     for contact, _ in dynamics.contacts:
@@ -195,10 +202,20 @@ def _group(dynamics: Dynamics, kind: Kind) -> Group | None:
         raise Inexpressible(str(error)) from error
 
 
+def _corners(term: StencilForce, values: Values) -> Corners:
+    """What acts on small groups of points, traced."""
+    size = len(term.stencils)
+    each = tuple((name, _each(value, size, term.name, name)) for name, value in values.items())
+    try:
+        return trace_corners(type(term), each)
+    except Untraceable as error:
+        raise Inexpressible(str(error)) from error
+
+
 def _each(value: Tensor, size: int, term: str, name: str) -> bool:
-    """Whether a constant has one value per edge."""
+    """Whether a constant has one value per edge or stencil."""
     if value.shape[-1:] in ((), (1,)):
         return False
     if value.shape[-1] != size:
-        raise Inexpressible(f"{name} of {term!r} is not one value per edge")
+        raise Inexpressible(f"{name} of {term!r} is not one value per edge or stencil")
     return True

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 from torch import Tensor
 
 from model.simulator.edges import Edges
+from model.simulator.forces.stencil import StencilForce
 
 LANES = 8
 """Points in a slice; numbers in a row."""
@@ -24,8 +25,8 @@ class Slots:
 
     start: Int[Tensor, " s"]
     """First slot row of each slice, and the number of all."""
-    offset: Int32[Tensor, " k"]
-    """Where the row of a slot's other end begins."""
+    offset: Int32[Tensor, " j"]
+    """Where the row of a slot's other end begins; for stencils, those of all corners."""
     edge: Int[Tensor, " k"]
     """Which edge of its kind a slot is; 0 for those that only fill a slice up."""
     places: Int[Tensor, "ends e"]
@@ -34,7 +35,7 @@ class Slots:
     @property
     def rows(self) -> int:
         """Slot rows."""
-        return len(self.offset) // LANES
+        return len(self.edge) // LANES
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,49 @@ def lay_out(edges: Edges) -> Layout:
     )
 
 
+@dataclass(frozen=True)
+class Incidence:
+    """Where the corners of stencils are among the points, and the other way round."""
+
+    laws: tuple[Slots, ...]
+    """Per law: where each corner's point has its row, and which stencil each lane is."""
+    corner_row: Int[Tensor, " l"]
+    """The row of each law's first corner; a row of zeros follows the last."""
+    rows: int
+    """Rows of corners, that of zeros included."""
+    points: Slots
+    """Per point: the rows of the corners that it is."""
+
+
+@lru_cache(maxsize=16)
+def lay_out_stencils(edges: Edges, forces: tuple[StencilForce, ...]) -> Incidence:
+    """The corners of all stencils, in eights: the first corners of eight stencils, then their second, ..."""
+    layout = lay_out(edges)
+    row = layout.row.numpy()
+    laws, begins, own, other, begin = list[Slots](), list[int](), list[np.ndarray](), list[np.ndarray](), 0
+    for force in forces:
+        stencils = row[force.stencils.cpu().numpy()]
+        count, size = stencils.shape
+        groups = -(-count // LANES)
+        of = np.minimum(np.arange(groups * LANES), count - 1)
+        offset = stencils[of].reshape(groups, LANES, size).transpose(0, 2, 1).reshape(-1) * LANES
+        laws.append(
+            Slots(
+                torch.arange(0, groups + 1),
+                torch.from_numpy(np.ascontiguousarray(offset, np.int32)),
+                torch.from_numpy(of),
+                torch.arange(count).unsqueeze(0),
+            )
+        )
+        each, corner = np.divmod(np.arange(count * size), size)
+        own.append(stencils.reshape(-1))
+        other.append(begin + (each // LANES * size + corner) * LANES + each % LANES)
+        begins.append(begin)
+        begin += groups * size * LANES
+    points = _slots(np.concatenate(own), np.concatenate(other), 1, layout.slices, filler=begin)
+    return Incidence(tuple(laws), torch.tensor(begins), begin + 1, points)
+
+
 def _order(own: np.ndarray, other: np.ndarray, degree: np.ndarray) -> np.ndarray:
     """The row of each point."""
     count = len(degree)
@@ -99,8 +143,11 @@ def _order(own: np.ndarray, other: np.ndarray, degree: np.ndarray) -> np.ndarray
     return row
 
 
-def _slots(own: np.ndarray, other: np.ndarray, ends: int, slices: int) -> Slots:
-    """Slots from the rows of both ends of each, the edges in order, once for each of their `ends`."""
+def _slots(own: np.ndarray, other: np.ndarray, ends: int, slices: int, filler: int | None = None) -> Slots:
+    """Slots from the rows of both ends of each, the edges in order, once for each of their `ends`.
+
+    Slots that only fill a slice up lead to the row `filler`, or from a point to itself.
+    """
     order = np.lexsort((other, own))
     degree = np.bincount(own, minlength=slices * LANES)
     deepest = degree.reshape(slices, LANES).max(axis=1)
@@ -110,6 +157,8 @@ def _slots(own: np.ndarray, other: np.ndarray, ends: int, slices: int) -> Slots:
     place[order] = (start[own[order] // LANES] + rank) * LANES + own[order] % LANES
     lanes = np.arange(LANES) + LANES * np.repeat(np.arange(slices), deepest)[:, None]
     offset, of = lanes.reshape(-1).astype(np.int64), np.zeros(lanes.size, np.int64)
+    if filler is not None:
+        offset[:] = filler
     offset[place], of[place] = other, np.tile(np.arange(len(own) // ends), ends)
     return Slots(
         torch.from_numpy(start.astype(np.int64)),

@@ -3,13 +3,16 @@
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from torch import Tensor
 
-from model.simulator.kernel.call import Buffers, Interval, call, slot_rows
+from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
 from model.simulator.kernel.groups import Kind
-from model.simulator.kernel.layout import LANES, Layout, Slots
+from model.simulator.kernel.layout import LANES, Incidence, Layout, Slots
 
+Acts: TypeAlias = Kind | int
+"""What a constant belongs to: a kind of edge, or the stencils of the law of that number."""
 STORAGE = 192 * 2**20
 """Bytes of states that the adjoint of a frame may hold at once; longer frames are run again in pieces."""
 
@@ -20,19 +23,24 @@ class Program:
 
     library: ctypes.CDLL
     layout: Layout
-    edges: tuple[Kind, ...]
-    """The kind of edge that each constant with one value per edge belongs to."""
-    scenes: tuple[Kind, ...]
+    incidence: Incidence | None
+    """Of the stencils, where there are any."""
+    edges: tuple[Acts, ...]
+    """What each constant with one value per edge or stencil belongs to."""
+    scenes: tuple[Acts, ...]
     """The same for the constants of the scene."""
     memories: tuple[Kind, ...]
     """The same for the variables of memory."""
 
-    def slots(self, kind: Kind) -> Slots:
-        """Of a kind of edge."""
+    def slots(self, kind: Acts) -> Slots:
+        """Of a kind of edge, or of the stencils of a law."""
+        if isinstance(kind, int):
+            assert self.incidence is not None
+            return self.incidence.laws[kind]
         return self.layout.springs if kind == "springs" else self.layout.held
 
-    def spread(self, values: Tensor, kind: Kind) -> Tensor:
-        """One value per slot from one per edge, [B, e]."""
+    def spread(self, values: Tensor, kind: Acts) -> Tensor:
+        """One value per slot from one per edge or stencil, [B, e]."""
         return values.index_select(1, self.slots(kind).edge)
 
 
@@ -127,7 +135,7 @@ def _forward(
 ) -> None:
     nothing = [None] * len(program.edges), [None] * len(program.scenes)
     buffers = Buffers(
-        {**values.single, "rows": rows},
+        {**values.single, "rows": rows, **corner_rows(program, rows, "corner_forces")},
         {
             **values.lists,
             "memory": memories,
@@ -136,4 +144,12 @@ def _forward(
             "scene_gradient": nothing[1],
         },
     )
-    call(program.library, "forward", program.layout, interval, buffers, whole, len(rows))
+    graph = Graphs(program.layout, program.incidence)
+    call(program.library, "forward", graph, interval, buffers, whole, len(rows))
+
+
+def corner_rows(program: Program, like: Tensor, *names: str) -> dict[str, Tensor]:
+    """Room for what the corners of stencils hand to their points."""
+    if program.incidence is None:
+        return {}
+    return {name: like.new_zeros(len(like), program.incidence.rows, LANES) for name in names}
