@@ -10,7 +10,16 @@ import tempfile
 from functools import lru_cache
 from pathlib import Path
 
-FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
+FLAGS = (
+    "-std=c++17",
+    "-O3",
+    "-march=native",
+    "-fschedule-insns",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fPIC",
+    "-shared",
+)
 """Not -ffast-math: what is not finite has to stay so, to be found."""
 SECONDS = 120
 """After which a compiler that does not answer is given up."""

@@ -157,8 +157,19 @@ INLINE Edge edge(const V me[6], const V other[6], V rest) {
   V square = splat(0);
   for (int k = 0; k < 3; ++k) { e.d[k] = other[k] - me[k]; square += e.d[k] * e.d[k]; }
   M directed = square > SHORTEST_SQUARED;
+#if SINGLE && defined(__AVX__) && !defined(__clang__)
+#if defined(__AVX512VL__)
+  V guess = __builtin_ia32_rsqrt14ps256_mask(square, splat(0), -1);
+#else
+  V guess = __builtin_ia32_rsqrtps256(square);
+#endif
+  guess = guess * (R(1.5) - R(0.5) * square * guess * guess);
+  e.inverse = directed ? guess : splat(0);
+  e.length = directed ? square * guess : rest;
+#else
   e.length = directed ? root(square) : rest;
   e.inverse = directed ? 1 / e.length : splat(0);
+#endif
   V along = splat(0);
   for (int k = 0; k < 3; ++k) {
     e.w[k] = other[3 + k] - me[3 + k];
@@ -173,13 +184,23 @@ INLINE Edge edge(const V me[6], const V other[6], V rest) {
 template <class Law>
 INLINE void pull(const Law &law, const int32_t *offset, int64_t begin, int64_t end, const R *rows, const V me[6],
                  V force[3]) {
-  for (int64_t slot = begin; slot < end; ++slot) {
+  const auto see = [&](int64_t slot) {
     V other[6];
     gather(rows, offset + W * slot, other);
-    Edge e = edge(me, other, law.rest(slot));
+    return edge(me, other, law.rest(slot));
+  };
+  const auto act = [&](int64_t slot, const Edge &e) {
     V scaled = law.tension(slot, e.length, e.rate) * e.inverse;
     for (int k = 0; k < 3; ++k) force[k] += scaled * e.d[k];
+  };
+  if (begin == end) return;
+  Edge next = see(begin);
+  for (int64_t slot = begin; slot < end - 1; ++slot) {
+    const Edge now = next;
+    next = see(slot + 1);
+    act(slot, now);
   }
+  act(end - 1, next);
 }
 
 INLINE void place(const Frame &f, int64_t substep, R *rows) {
@@ -374,38 +395,54 @@ INLINE void local(const Frame &f, int64_t slice, const R *after, V xbar[3], V vb
   scatter_short(pulls + ROW * W * slice, out);
 }
 
-// `other` may be a controller, on which nothing acts: `free` says whether the pull is on both ends.
-template <bool free, class Law>
+// `other` may be a controller, on which nothing acts: `free` says whether the pull is on both ends. `weighs`: the
+// force itself is wanted too.
+template <bool free, bool weighs, class Law>
 INLINE void pull_back(Law &law, const int32_t *offset, int64_t begin, int64_t end, const R *rows, const R *pulls,
                       const V me[6], const V mine[3], V force[3], V xbar[3], V vbar[3], R *held, int64_t held_stride,
                       V share, V pace) {
-  for (int64_t slot = begin; slot < end; ++slot) {
-    V other[6], pulled[3], lengthbar, ratebar, along = splat(0), unused;
+  struct Seen { Edge e; V pulled[3], tensionbar; };
+  const auto see = [&](int64_t slot) {
+    V other[6], along = splat(0), unused;
+    Seen s;
     gather(rows, offset + W * slot, other);
-    if (free) quad(pulls, offset + W * slot, pulled[0], pulled[1], pulled[2], unused);
-    Edge e = edge(me, other, law.rest(slot));
+    if (free) quad(pulls, offset + W * slot, s.pulled[0], s.pulled[1], s.pulled[2], unused);
+    s.e = edge(me, other, law.rest(slot));
     for (int k = 0; k < 3; ++k) {
-      pulled[k] = free ? mine[k] - pulled[k] : mine[k];
-      along += pulled[k] * e.d[k];
+      s.pulled[k] = free ? mine[k] - s.pulled[k] : mine[k];
+      along += s.pulled[k] * s.e.d[k];
     }
-    V tensionbar = along * e.inverse;
-    V tension = law.pull_back(slot, e.length, e.rate, tensionbar, lengthbar, ratebar);
+    s.tensionbar = along * s.e.inverse;
+    return s;
+  };
+  const auto act = [&](int64_t slot, const Seen &s) {
+    const Edge &e = s.e;
+    V lengthbar, ratebar;
+    V tension = law.pull_back(slot, e.length, e.rate, s.tensionbar, lengthbar, ratebar);
     // f = (T/l) d, l' = w·d/l: what each passes on to d and w, split into parts along d, `pulled` and w.
     V scaled = tension * e.inverse, paced = ratebar * e.inverse;
-    V axial = (lengthbar - scaled * tensionbar - paced * e.rate) * e.inverse;
+    V axial = (lengthbar - scaled * s.tensionbar - paced * e.rate) * e.inverse;
     for (int k = 0; k < 3; ++k) {
-      force[k] += scaled * e.d[k];
+      if (weighs) force[k] += scaled * e.d[k];
       vbar[k] -= paced * e.d[k];
       if (!free && held) {
-        V dbar = axial * e.d[k] + scaled * pulled[k] + paced * e.w[k], wbar = paced * e.d[k];
+        V dbar = axial * e.d[k] + scaled * s.pulled[k] + paced * e.w[k], wbar = paced * e.d[k];
         accumulate(held + held_stride * k + W * slot, (1 - share) * dbar - pace * wbar);
         accumulate(held + held_stride * (3 + k) + W * slot, share * dbar + pace * wbar);
       }
       xbar[k] -= axial * e.d[k];
-      xbar[k] -= scaled * pulled[k];
+      xbar[k] -= scaled * s.pulled[k];
       xbar[k] -= paced * e.w[k];
     }
+  };
+  if (begin == end) return;
+  Seen next = see(begin);
+  for (int64_t slot = begin; slot < end - 1; ++slot) {
+    const Seen now = next;
+    next = see(slot + 1);
+    act(slot, now);
   }
+  act(end - 1, next);
 }
 
 static void end(const Frame &f, int64_t first, int64_t last) {
@@ -418,6 +455,7 @@ static void end(const Frame &f, int64_t first, int64_t last) {
   }
 }
 
+template <bool weighs>
 static void move_back(const Frame &f, int64_t step, const R *rows, const R *pulls, int64_t begin, int64_t end) {
   const int64_t held_stride = W * f.controller_rows;
   const V share = splat(R(double(f.first + step + 1) / double(f.count))), pace = splat(R(1 / f.interval));
@@ -429,15 +467,15 @@ static void move_back(const Frame &f, int64_t step, const R *rows, const R *pull
     quad(pulls + ROW * W * slice, NEXT, mine[0], mine[1], mine[2], unused);
     for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
     if (SPRINGS)
-      pull_back<true>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,
+      pull_back<true, weighs>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,
                       mine, force, bar, bar + 3, nullptr, 0, share, pace);
     if (CONTROLLERS)
-      pull_back<false>(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1],
+      pull_back<false, weighs>(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1],
                        rows, pulls, me, mine, force, bar, bar + 3, f.held_gradient, held_stride, share, pace);
     if (SPRINGS) springs.finish(f, slice);
     if (CONTROLLERS) controllers.finish(f, slice);
     if (STENCILS) collect_adjoint(f, slice, bar);
-    if (f.inverse_mass_gradient) {
+    if (weighs) {
       if (STENCILS) collect(f, slice, force);
       V sum = mine[0] * force[0] + mine[1] * force[1] + mine[2] * force[2];
       accumulate(f.inverse_mass_gradient + W * slice, sum / load(f.inverse_mass + W * slice));
@@ -451,6 +489,7 @@ static void retreat(const Frame &f, Team &team, int thread) {
   const int64_t stride = ROW * (W * f.slices + f.controllers), groups = all_groups(f);
   const auto slices = [&](int owner) { return owner < team.threads ? f.partition[owner] : f.slices; };
   const auto eights = [&](int owner) { return groups * owner / team.threads; };
+  const auto back = f.inverse_mass_gradient ? move_back<true> : move_back<false>;
   int64_t phase = 0;
   team.share(phase++, thread, slices, [&](int64_t begin, int64_t last) { end(f, begin, last); });
   for (int64_t step = f.steps - 1; step >= 0; --step) {
@@ -459,7 +498,7 @@ static void retreat(const Frame &f, Team &team, int thread) {
       team.share(phase++, thread, eights,
                  [&](int64_t begin, int64_t last) { bend_back(f, rows, pulls, begin, last); });
     team.share(phase++, thread, slices,
-               [&](int64_t begin, int64_t last) { move_back(f, step, rows, pulls, begin, last); });
+               [&](int64_t begin, int64_t last) { back(f, step, rows, pulls, begin, last); });
   }
 }
 

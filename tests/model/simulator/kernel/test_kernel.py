@@ -1,5 +1,6 @@
 """The kernel says what the torch oracle says: values and gradients."""
 
+import platform
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
@@ -319,3 +320,17 @@ def test_the_law_is_the_terms_own(scene, apart, monkeypatch):
         oracle = made.simulator.with_backend("torch").rollout(made.state(), made.controls, substeps=60)
     assert apart(runs[0].points, oracle.points) < 1e-12
     assert apart(runs[1].points, oracle.points) > 1e-6
+
+
+@pytest.mark.parametrize("dtype", EXACT)
+def test_it_runs_on_plain_processors_too(scene, apart, monkeypatch, dtype):
+    """The same text without the instructions of this machine: what other processors get."""
+    plain = "-march=x86-64" if platform.machine() == "x86_64" else "-mcpu=generic"
+    monkeypatch.setattr(build, "FLAGS", (*build.FLAGS, plain))
+    build.load.cache_clear()
+    made = scene(dtype)
+    found, fast = made.roll("kernel")
+    build.load.cache_clear()
+    expected, slow = made.roll("torch")
+    assert apart(found.points, expected.points) < EXACT[dtype]
+    assert apart(fast["stiffness"], slow["stiffness"]) < 100 * EXACT[dtype]
