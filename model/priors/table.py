@@ -40,16 +40,16 @@ class Row:
 
 
 STIFFNESS = (
-    Row("fabric", "stiffness", 3e4, 1e5, 2e5, 0.8, "stuffed: ln Y 8-9.3 at 110 kg/m³; sheet: stretches 1 % when 0.3 m hang; rope: yarns slide when bent"),
-    Row("leather", "stiffness", 1e5, 5e5, 5e5, 0.8, "between dense plush (ln Y 10) and solid rubber; straps hold their length"),
+    Row("fabric", "stiffness", 2.5e3, 2e4, 1.5e4, 0.8, "stuffed: skins wrinkle over loose filling; sheet and rope: yarns slide, so they bend 10-50 times softer than they stretch"),
+    Row("leather", "stiffness", 1.5e4, 1e5, 6e4, 0.8, "between dense plush and solid rubber; skins wrinkle, straps bend"),
     Row("rubber", "stiffness", 5e5, 1e6, 1e6, 0.8, "silicone Dragon Skin 10 measured 264 kPa, ln Y 9.2 means 5e5, Shore A 30 about 1e6"),
     Row("plastic", "stiffness", 1e6, 2e6, 2e6, 1.0, "soft vinyl 1e6-1e7, hollow toys give at the wall; capped by the ceiling"),
     Row("metal", "stiffness", 5e6, 5e6, 5e6, 0.7, "rigid (7e10 and more): capped; chains and cables bend freely"),
     Row("wood", "stiffness", 2e6, 2e6, 2e6, 0.7, "rigid (1e10): capped"),
-    Row("paper", "stiffness", 2e5, 1e6, 5e5, 0.9, "crumpled or boxes 1e5-1e6; a sheet does not stretch visibly: capped"),
-    Row("silk", "stiffness", 2e4, 8e4, 2e5, 0.8, "softer filling and finer weave than fabric; ln Y 7.6 at 250 kg/m³ is 2e4 at the least"),
-    Row("denim", "stiffness", 5e4, 3e5, 3e5, 0.8, "heavy twill: about three times a plain weave's tensile stiffness; ln Y 9-10 when stuffed"),
-    Row("fur", "stiffness", 2e4, 5e4, 4e4, 0.8, "plush toys: ln Y 8-9.3 at 80 kg/m³ gives 1e4-4e4; pile on knitted backing stretches"),
+    Row("paper", "stiffness", 5e4, 2e5, 1e5, 0.9, "crumpled balls and thin boxes give at their folds; a sheet bends long before it stretches"),
+    Row("silk", "stiffness", 2e3, 1.5e4, 1e4, 0.8, "softer filling, finer weave and smoother yarns than fabric"),
+    Row("denim", "stiffness", 5e3, 5e4, 3e4, 0.8, "heavy twill: two to three times a plain weave"),
+    Row("fur", "stiffness", 2e3, 2e4, 1e4, 0.8, "plush toys: knitted backing over loose stuffing, limbs hang by their own weight"),
 )  # fmt: skip
 
 DAMPING = (
