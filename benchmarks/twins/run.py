@@ -30,7 +30,8 @@ def data_folder() -> Path:
 
 def run_clip(clip: Path, bundle: Path, preview: Path | None) -> dict:
     """Run `matphys twin` on one clip; return its JSON result with wall seconds and peak GiB added."""
-    command = [str(Path(sys.executable).parent / "matphys"), "twin", str(clip), "--out", str(bundle), "--json", "--quiet"]
+    matphys = Path(sys.executable).parent / "matphys"
+    command = [str(matphys), "twin", str(clip), "--out", str(bundle), "--json", "--quiet"]
     if preview is not None:
         command += ["--preview", str(preview)]
     started = time.perf_counter()
@@ -64,11 +65,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/twins"))
     parser.add_argument("--repeat", action="store_true")
     arguments = parser.parse_args()
-    clips = [c for c in sorted(data_folder().glob("*.mp4")) if not arguments.clips or c.stem in arguments.clips]
+    wanted = set(arguments.clips)
+    clips = [clip for clip in sorted(data_folder().glob("*.mp4")) if not wanted or clip.stem in wanted]
     arguments.out.mkdir(parents=True, exist_ok=True)
     results = {}
-    print("| clip | keyframe IoU | replay IoU, mean | first–last third | points / springs | substeps | s | peak GiB | same bytes |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    columns = ("clip", "keyframe IoU", "replay IoU, mean", "first–last third", "points / springs")
+    columns += ("substeps", "s", "peak GiB", "same bytes")
+    print("| " + " | ".join(columns) + " |")
+    print("|---" * len(columns) + "|")
     for clip in clips:
         bundle = arguments.out / f"{clip.stem}.twin.zip"
         result = results[clip.stem] = run_clip(clip, bundle, arguments.out / f"{clip.stem}.preview.mp4")
@@ -84,18 +88,21 @@ def main() -> None:
         print(
             f"| {clip.stem} | {m['keyframe_iou']:.3f} | {m['silhouette_iou']:.3f} | "
             f"{sum(series[:third]) / third:.3f} – {sum(series[-third:]) / third:.3f} | "
-            f"{m['points']} / {m['springs']} | {m['substeps']} | {result['wall_s']:.0f} | {result['peak_gib']:.2f} | {same} |",
+            f"{m['points']} / {m['springs']} | {m['substeps']} | "
+            f"{result['wall_s']:.0f} | {result['peak_gib']:.2f} | {same} |",
             flush=True,
         )
-        for bar, value, limit in (("seconds", result["wall_s"], BAR_SECONDS), ("GiB", result["peak_gib"], BAR_GIB)):
+        bars = {"seconds": (result["wall_s"], BAR_SECONDS), "GiB": (result["peak_gib"], BAR_GIB)}
+        for unit, (value, limit) in bars.items():
             if value > limit:
-                print(f"<!-- {clip.stem}: {value:.1f} {bar} is over the bar of {limit} -->")
+                print(f"<!-- {clip.stem}: {value:.1f} {unit} is over the bar of {limit} -->")
     stages = list(next(iter(results.values()))["seconds"])
     print("\nSeconds per stage:\n")
     print("| clip | " + " | ".join(stages) + " |")
     print("|---" * (len(stages) + 1) + "|")
     for name, result in results.items():
-        print(f"| {name} | " + " | ".join(f"{result['seconds'].get(stage, 0):.1f}" for stage in stages) + " |")
+        seconds = [f"{result['seconds'].get(stage, 0):.1f}" for stage in stages]
+        print(f"| {name} | " + " | ".join(seconds) + " |")
     for name, result in results.items():
         for warning in result["warnings"]:
             print(f"\n{name}: {warning}")
