@@ -109,20 +109,28 @@ def frame_table(repeats: int, clock: Callable[[], float]) -> None:
     """A frame's full gradient, with the substeps that each needs."""
     torch.set_num_threads(1)
     print(f"\n## a frame's full gradient: substeps from the bound, against Warp at {PHYSTWIN} [ms]\n")
-    print("| points / springs | substeps | kernel | Warp | ratio |\n|---|---|---|---|---|")
+    print("| points / springs | substeps | kernel | with rollout and bound | Warp | ratio | with both |")
+    print("|---|---|---|---|---|---|---|")
     for points, springs in SIZES[1:]:
         simulator = scene(points, springs)
+        stiffness = simulator.force("spring").log_stiffness
         count = simulator.needed_substeps(1 / FPS)
         pieces = 29  # Warp's graph holds a 29th of a frame; its states would not fit otherwise
-        warp = WarpSprings(simulator, DT, PHYSTWIN // pieces, True)
-        seconds = in_turns(
-            {"kernel": kernel_run(simulator, count, 1 / FPS / count, True), "warp": warp.run}, repeats, clock
-        )
-        kernel, whole = 1e3 * seconds["kernel"], 1e3 * seconds["warp"] * pieces
-        print(
-            f"| {points} / {springs} | {count} | {np.median(kernel):.1f} | {np.median(whole):.0f} "
-            f"| {spread(whole / kernel)} |"
-        )
+
+        def rollout(simulator: Simulator = simulator, stiffness: torch.Tensor = stiffness) -> object:
+            end = simulator.rollout(frames=2, fps=FPS).end
+            return torch.autograd.grad(end.positions.sum(), stiffness)
+
+        runs = {
+            "kernel": kernel_run(simulator, count, 1 / FPS / count, True),
+            "rollout": rollout,
+            "warp": WarpSprings(simulator, DT, PHYSTWIN // pieces, True).run,
+        }
+        milli = {name: 1e3 * value for name, value in in_turns(runs, repeats, clock).items()}
+        milli["warp"] = milli["warp"] * pieces
+        middle = " | ".join(f"{np.median(value):.1f}" for value in milli.values())
+        ratios = " | ".join(spread(milli["warp"] / milli[name]) for name in ("kernel", "rollout"))
+        print(f"| {points} / {springs} | {count} | {middle} | {ratios} |")
 
 
 def thread_table(repeats: int) -> None:

@@ -13,7 +13,8 @@ from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
 from model.simulator.kernel.call import Interval
 from model.simulator.kernel.kernel import Inexpressible, Kernel
-from model.simulator.system import State
+from model.simulator.stability import Slopes, differentiate
+from model.simulator.system import Anchors, State
 
 Backend: TypeAlias = Literal["auto", "torch", "kernel"]
 """`auto`: a kernel where one can be had, else torch, with a warning."""
@@ -37,6 +38,10 @@ class Path(ABC):
             checkpoint: Store the state alone for the backward pass, and compute the rest again there.
         """
 
+    @abstractmethod
+    def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
+        """How accelerations change with places and velocities, near `state` [m, m/s]; see `stable_step`."""
+
 
 class Oracle(Path):
     """Plain torch, one substep after another."""
@@ -52,6 +57,10 @@ class Oracle(Path):
             return after
         return self._steps(state, drive, dt)
 
+    def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
+        """By reverse differentiation."""
+        return differentiate(self._dynamics, state, anchors)
+
     def _steps(self, state: State, drive: Drive, dt: float) -> State:
         for substep in range(drive.count):
             state = self._integrator.step(self._dynamics, state, drive(substep), dt)
@@ -61,15 +70,19 @@ class Oracle(Path):
 class FastPath(Path):
     """A compiled kernel, one call per frame."""
 
-    def __init__(self, kernel: Kernel) -> None:
-        """Through this kernel."""
-        self._kernel = kernel
+    def __init__(self, kernel: Kernel, dynamics: Dynamics) -> None:
+        """Through this kernel of these terms."""
+        self._kernel, self._dynamics = kernel, dynamics
 
     def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
         """The state [m, m/s] after a frame."""
         held = None if drive.motion is None else (drive.motion[drive.frame - 1], drive.motion[drive.frame])
         keeps = torch.is_grad_enabled() and not checkpoint
         return self._kernel.advance(state, held, Interval(dt, drive.count, drive.interval), keeps)
+
+    def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
+        """By the adjoint of one substep."""
+        return self._kernel.slopes(state, anchors) or differentiate(self._dynamics, state, anchors)
 
 
 def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, batch: torch.Size) -> Path:
@@ -84,7 +97,7 @@ def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, ba
     if backend == "torch":
         return Oracle(dynamics, integrator)
     try:
-        return FastPath(Kernel(dynamics, integrator, batch))
+        return FastPath(Kernel(dynamics, integrator, batch), dynamics)
     except Inexpressible as error:
         if backend == "kernel":
             raise InputError(f"no kernel can be had: {error}; use the backend 'torch'") from error

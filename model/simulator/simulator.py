@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from model.errors import InputError
-from model.simulator.backend import Backend, choose_path
+from model.simulator.backend import Backend, Path, choose_path
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.divergence import explain, finite
 from model.simulator.drive import Drive, clock
@@ -134,8 +134,10 @@ class Simulator(nn.Module):
             dynamics = self.dynamics()
             start = self._start(dynamics, state, None)
             anchors = self._held()
+            now = _remembering(dynamics, start, anchors)
+            path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
             return substeps_for(
-                interval, stable_step(dynamics, _remembering(dynamics, start, anchors), anchors), margin
+                interval, stable_step(dynamics, now, anchors, path.slopes(now, anchors)), margin
             )
 
     def forward(self, *args: object, **kwargs: object) -> Rollout:
@@ -181,8 +183,8 @@ class Simulator(nn.Module):
         now = _remembering(
             dynamics, now, None if motion is None else Anchors(motion[0], torch.zeros_like(motion[0]))
         )
-        counts = self._counts(dynamics, now, motion, np.diff(moments), substeps)
         path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
+        counts = self._counts(dynamics, path, now, motion, np.diff(moments), substeps)
         history = [now]
         for frame, (interval, count) in enumerate(zip(np.diff(moments), counts, strict=True), start=1):
             dt = float(interval) / count
@@ -205,6 +207,7 @@ class Simulator(nn.Module):
     def _counts(
         self,
         dynamics: Dynamics,
+        path: Path,
         state: State,
         motion: Tensor | None,
         intervals: np.ndarray,
@@ -216,7 +219,7 @@ class Simulator(nn.Module):
         if given is not None and given < 1:
             raise InputError(f"substeps is {given}: give at least 1, or leave it out")
         anchors = None if motion is None else Anchors(motion[0].detach(), torch.zeros_like(motion[0]))
-        limit = stable_step(dynamics, state, anchors)
+        limit = stable_step(dynamics, state, anchors, path.slopes(state, anchors))
         if given is None:
             return [substeps_for(float(interval), limit, MARGIN) for interval in intervals]
         if float(intervals.max()) / given >= limit:

@@ -5,9 +5,10 @@ Given symbols instead, it leaves behind a graph in which equal subexpressions ar
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from model.simulator.kernel.arithmetic import CONDITIONS, compute
 from model.simulator.kernel.expression import Expression, Scalar, Untraceable
 
 
@@ -216,7 +217,7 @@ class Graph:
             first = arguments[:1] if operation == "where" else ()
             arguments = (*first, *(self.number(a) for a in arguments[len(first) :]))
         if all(a.operation == "constant" for a in arguments):
-            folded = _compute(operation, [_number(a) for a in arguments])
+            folded = compute(operation, [_number(a) for a in arguments])
             if math.isfinite(folded):
                 return self.constant(folded)
         return self._node(operation, arguments, None)
@@ -256,45 +257,8 @@ def evaluate(outputs: Sequence[Expression], symbols: Mapping[str, float]) -> lis
         elif node.operation == "constant":
             known[node.number] = _number(node)
         else:
-            known[node.number] = _compute(node.operation, [known[a.number] for a in node.arguments])
+            known[node.number] = compute(node.operation, [known[a.number] for a in node.arguments])
     return [known[output.number] for output in outputs]
-
-
-CONDITIONS = ("and", "le", "lt", "not", "or")
-"""Operations whose value is true or false."""
-PYTHON: Mapping[str, Callable[..., float]] = {
-    "abs": abs,
-    "add": lambda a, b: a + b,
-    "and": lambda a, b: float(bool(a) and bool(b)),
-    "cos": math.cos,
-    "detach": lambda a: a,
-    "div": lambda a, b: a / b,
-    "exp": math.exp,
-    "le": lambda a, b: float(a <= b),
-    "log": math.log,
-    "lt": lambda a, b: float(a < b),
-    "maximum": max,
-    "minimum": min,
-    "mul": lambda a, b: a * b,
-    "neg": lambda a: -a,
-    "not": lambda a: float(not a),
-    "or": lambda a, b: float(bool(a) or bool(b)),
-    "pow": lambda a, b: a**b,
-    "sin": math.sin,
-    "sqrt": math.sqrt,
-    "sub": lambda a, b: a - b,
-    "tanh": math.tanh,
-    "where": lambda c, a, b: a if c else b,
-}
-"""What each operation does with numbers."""
-
-
-def _compute(operation: str, arguments: Sequence[float]) -> float:
-    """NaN where Python would raise."""
-    try:
-        return PYTHON[operation](*arguments)
-    except (ArithmeticError, ValueError):
-        return math.nan
 
 
 def _is(node: Expression, value: float) -> bool:

@@ -24,8 +24,9 @@ from model.simulator.kernel.function import NAMED, FrameFunction, Task
 from model.simulator.kernel.groups import SYSTEM, Act, Group, Input, Kind, trace_group
 from model.simulator.kernel.layout import lay_out, lay_out_stencils
 from model.simulator.kernel.program import Acts, Program
+from model.simulator.kernel.slopes import Slopes
 from model.simulator.parameters import Values
-from model.simulator.system import State
+from model.simulator.system import Anchors, State
 
 
 class Inexpressible(Exception):
@@ -74,6 +75,9 @@ class Kernel:
         terms |= {term.name: dict(values) for term, values in dynamics.forces}
         self._edges = [self._value(dynamics, terms, kind, each) for kind, each in inputs if each.each]
         self._scenes = [self._value(dynamics, terms, kind, each) for kind, each in inputs if not each.each]
+        with torch.no_grad():
+            kinds = self._program.edges
+            self._packed = [self._program.spread(v, k) for v, k in zip(self._edges, kinds, strict=True)]
         self._timed = dict[float, tuple[dict[str, Tensor], Buffers]]()
 
     def advance(
@@ -94,10 +98,7 @@ class Kernel:
         memories = [
             self._flat(state.memory[f"{term}.{name}"]).expand(self._count, -1) for term, name in self._memory
         ]
-        if interval.dt not in self._timed:
-            made = self._point_values(interval.dt)
-            self._timed[interval.dt] = made, self._buffers(made)
-        given, values = self._timed[interval.dt]
+        given, values = self._at(interval.dt)
         task = Task(self._program, values, interval, keeps)
         ended = FrameFunction.apply(  # type: ignore[no-untyped-call]
             task,
@@ -115,6 +116,27 @@ class Kernel:
         return replace(
             state, positions=ended[0].reshape(shape), velocities=ended[1].reshape(shape), memory=after
         )
+
+    def slopes(self, state: State, anchors: Anchors | None) -> Slopes | None:
+        """Products with the transposed Jacobian of the accelerations at a state [m, m/s], [*b, N, 3].
+
+        None where a law remembers: what it does then depends on how long a step is.
+        """
+        if self._memory:
+            return None
+        flat = [value.reshape(self._count, -1, 3) for value in (state.positions, state.velocities)]
+        if anchors is not None:
+            held = [self._flat(a.flatten(-2)) for a in (anchors.positions, anchors.velocities)]
+            anchors = Anchors(*(h.reshape(len(h), -1, 3) for h in held))
+        _, values = self._at(1.0)
+        return Slopes(self._program, values, State(flat[0], flat[1]), anchors)
+
+    def _at(self, dt: float) -> tuple[dict[str, Tensor], Buffers]:
+        """The values of points for substeps of `dt` [s], and all constants as the kernel reads them."""
+        if dt not in self._timed:
+            made = self._point_values(dt)
+            self._timed[dt] = made, self._buffers(made)
+        return self._timed[dt]
 
     def _flat(self, value: Tensor) -> Tensor:
         """[*b, n] as [B, n], or as [1, n] where the batch shares it."""
@@ -157,11 +179,8 @@ class Kernel:
         if self._scenes:
             most = max(len(value) for value in self._scenes)
             single["scene"] = torch.cat([value.expand(most, -1) for value in self._scenes], -1)
-        kinds = self._program.edges
-        edges = [self._program.spread(v, kind) for v, kind in zip(self._edges, kinds, strict=True)]
         return Buffers(
-            {name: value.detach().contiguous() for name, value in single.items()},
-            {"edge": [value.detach().contiguous() for value in edges]},
+            {name: value.detach().contiguous() for name, value in single.items()}, {"edge": self._packed}
         )
 
 

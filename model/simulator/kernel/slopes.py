@@ -1,0 +1,61 @@
+"""How the forces of a kernel change with places and velocities: products with the transposed Jacobian."""
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
+from model.simulator.kernel.layout import LANES
+from model.simulator.kernel.program import Program, corner_rows, first_rows
+from model.simulator.system import Anchors, State
+
+UNIT = Interval(dt=1.0, count=1, seconds=1.0)
+"""One substep whose adjoint is u ↦ (∂a/∂x)ᵀu, u + (∂a/∂v)ᵀu, with a = F/m."""
+
+
+class Slopes:
+    """Products with the transposed Jacobian of the accelerations at one state, as `stable_step` asks for.
+
+    Args:
+        program: A kernel whose laws remember nothing.
+        values: Its constants.
+        state: Where to linearise [m, m/s], [B, N, 3].
+        anchors: Where the controllers are.
+    """
+
+    def __init__(self, program: Program, values: Buffers, state: State, anchors: Anchors | None) -> None:
+        """See the class."""
+        self._program = program
+        count, points = len(state.positions), program.layout.slices * LANES
+        rows = state.positions.new_zeros(count, 2, slot_rows(program.layout), LANES)
+        rows[:, 0] = first_rows(program, state.positions.detach(), state.velocities.detach())
+        if anchors is not None:
+            rows[:, 0, points:, :3] = anchors.positions.detach()
+            rows[:, 0, points:, 3:6] = anchors.velocities.detach()
+        self._adjoint = rows.new_zeros(count, program.layout.slices, 6, LANES)
+        single = {**values.single, "factor": rows.new_ones(1, points), "rows": rows, "adjoint": self._adjoint}
+        single["pulls"] = rows.new_zeros(2, count, slot_rows(program.layout), LANES)
+        single |= corner_rows(program, rows[:, 0], "corner_forces", "corner_adjoints")
+        lists: dict[str, Sequence[Tensor | None]] = {"memory": (), "memory_adjoint": ()}
+        lists |= {
+            "edge_gradient": [None] * len(program.edges),
+            "scene_gradient": [None] * len(program.scenes),
+        }
+        self._buffers = Buffers(single, {**values.lists, **lists})
+
+    def __call__(
+        self, vector: Float[Tensor, "*b N 3"]
+    ) -> tuple[Float[Tensor, "*b N 3"], Float[Tensor, "*b N 3"]]:
+        """(∂a/∂x)ᵀu and (∂a/∂v)ᵀu of u = `vector`, with a the accelerations [m/s²]."""
+        layout, count = self._program.layout, len(self._adjoint)
+        rows = vector.new_zeros(count, layout.slices * LANES, 6)
+        rows[:, layout.row, 3:] = vector.reshape(count, -1, 3)
+        self._adjoint.copy_(rows.reshape(count, layout.slices, LANES, 6).transpose(2, 3))
+        whole = {"first": 0, "steps": 1, "ring": 2, "keep": 1}
+        graph = Graphs(layout, self._program.incidence)
+        call(self._program.library, "backward", graph, UNIT, self._buffers, whole, count)
+        back = self._adjoint.transpose(2, 3).reshape(count, -1, 6).index_select(1, layout.row)
+        by_place, by_velocity = back[..., :3].reshape(vector.shape), back[..., 3:].reshape(vector.shape)
+        return by_place, torch.sub(by_velocity, vector)
