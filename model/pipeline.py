@@ -13,6 +13,8 @@ from model.bundle import TwinBundle
 from model.controllers import find_controllers, read_controllers
 from model.encoders import ALL_ENCODERS
 from model.errors import InputError
+from model.grip_choice import choose_grip
+from model.grip_paths import grip_paths
 from model.lifting import lift_features, visible_gaussians
 from model.manifest import describe_parts, write_manifest
 from model.part_views import view_parts
@@ -28,6 +30,7 @@ from model.reconstruction.depth import DepthReconstructor
 from model.reconstruction.mesh import MeshReconstructor
 from model.registry import by_name
 from model.rendering import ALL_RENDERERS, best_renderer
+from model.schema import BundleManifest
 from model.segmentation import ALL_SEGMENTERS
 from model.skinning import bind
 from model.stage_log import StageLog, StageReport, Step
@@ -61,8 +64,9 @@ SHARES = {
     "controllers": 1.0,
     "topology": 2.0,
     "parameters": 0.5,
-    "simulation": 20.0,
-    "preview": 15.0,
+    "grip": 6.0,
+    "simulation": 10.0,
+    "preview": 8.0,
 }
 """What each stage roughly costs, for the progress bar alone."""
 
@@ -279,17 +283,30 @@ def _mechanise(sight: _Sight, matter: _Matter, options: TwinOptions, log: StageL
         predictor,
         lambda: predictor(topology, matter.priors, sight.shape_class, calibration, frames, masks, tracks),
     )
-    held = len(topology.controller_springs) > 0
-    return TwinBundle(
+    bundle = TwinBundle(
         manifest=write_manifest(frames, masks.keyframe, calibration, _fingerprint(options)),
         gaussians=sight.gaussians,
         topology=topology,
         parameters=parameters,
         parts=describe_parts(matter.views, matter.priors, matter.parts, topology, parameters),
-        controls=evenly_timed(controllers.motion, frames.times[masks.keyframe :], frames.fps)
-        if held
-        else None,
     )
+    if not len(topology.controller_springs):
+        return bundle
+    paths = {"given": controllers} if options.controllers else grip_paths(controllers, calibration)
+    times = frames.times[masks.keyframe :]
+    even = {name: evenly_timed(path.motion, times, frames.fps) for name, path in paths.items()}
+    chosen = log.run(
+        "grip",
+        Step("replay", "1"),
+        lambda: choose_grip(bundle, even, frames, masks, calibration.camera, best_renderer()),
+    )
+    return replace(
+        bundle, controls=chosen.controls, manifest=_with_metrics(bundle, {"grip_path": chosen.name})
+    )
+
+
+def _with_metrics(bundle: TwinBundle, metrics: dict[str, JsonValue]) -> BundleManifest:
+    return bundle.manifest.model_copy(update={"metrics": {**bundle.manifest.metrics, **metrics}})
 
 
 def _replay(bundle: TwinBundle, sight: _Sight, options: TwinOptions, log: StageLog) -> TwinBundle:
@@ -314,7 +331,7 @@ def _replay(bundle: TwinBundle, sight: _Sight, options: TwinOptions, log: StageL
             renderer,
         ),
     )
-    metrics = {
+    metrics: dict[str, JsonValue] = {
         "keyframe_iou": round(float(shown.overlap[0]), 4),
         "silhouette_iou": round(float(shown.overlap.mean()), 4),
         "silhouette_iou_per_frame": [round(float(value), 4) for value in shown.overlap],
@@ -323,8 +340,8 @@ def _replay(bundle: TwinBundle, sight: _Sight, options: TwinOptions, log: StageL
         "gaussians": len(bundle.gaussians),
         "substeps": int(trajectory.metadata["substeps_per_frame"]),
     }
-    manifest = bundle.manifest.model_copy(
-        update={"metrics": metrics, "stages": tuple(log.records), "warnings": tuple(log.warnings)}
+    manifest = _with_metrics(bundle, metrics).model_copy(
+        update={"stages": tuple(log.records), "warnings": tuple(log.warnings)}
     )
     return replace(bundle, manifest=manifest, preview=shown.video)
 

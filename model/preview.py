@@ -103,13 +103,13 @@ def preview(
     """
     camera = scaled(calibration.camera, PANEL)
     backdrop = plate(frames, masks, camera.width, camera.height)
-    clip_frames, rollout_frames = _matched(frames.times, masks.keyframe, trajectory.times)
+    clip_frames, rollout_frames = matched_frames(frames.times, masks.keyframe, trajectory.times)
     rollout = render_rollout(gaussians, topology, trajectory.points[rollout_frames], camera, renderer)
     overlap: list[float] = []
 
     def pictures() -> Iterator[UInt8[Array, "h w 3"]]:
         for clip_frame, moment, twin in zip(clip_frames, rollout_frames, rollout, strict=True):
-            overlap.append(_overlap(twin.alpha, masks, int(clip_frame), camera))
+            overlap.append(frame_overlap(twin.alpha, masks, int(clip_frame), camera))
             picture = _composed(twin, backdrop, calibration.ground_height, gaussians, camera)
             if controls is not None:
                 picture = _marked(picture, controls[moment], camera)
@@ -140,7 +140,7 @@ def write_rollout_video(path: Path, bundle: "TwinBundle", trajectory: Trajectory
         temporary.write_bytes(encode_mp4(pictures, trajectory.times))
 
 
-def _matched(
+def matched_frames(
     clip_times: Float64[Array, " T"], keyframe: int, rollout_times: Float64[Array, " R"]
 ) -> tuple[Int[Array, " F"], Int[Array, " F"]]:
     """Frames of the clip within the replay's time, and the frame of the replay nearest to each."""
@@ -154,7 +154,8 @@ def _matched(
     return clip_frames, np.where(since[clip_frames] <= middle, after - 1, after)
 
 
-def _overlap(alpha: Float32[Array, "h w"], masks: Masks, frame: int, camera: Camera) -> float:
+def frame_overlap(alpha: Float32[Array, "h w"], masks: Masks, frame: int, camera: Camera) -> float:
+    """Silhouette IoU on one frame of the clip, where the hand hides nothing, at the size of `camera`."""
     size = (camera.width, camera.height)
     thing, hand = (
         cv2.resize(mask[frame].astype(np.float32), size, interpolation=cv2.INTER_AREA) > SOLID
