@@ -8,6 +8,7 @@ import torch
 from torch.utils.checkpoint import checkpoint as checkpointed
 
 from model.errors import InputError
+from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
@@ -85,6 +86,25 @@ class FastPath(Path):
         return self._kernel.slopes(state, anchors) or differentiate(self._dynamics, state, anchors)
 
 
+class Watched(Path):
+    """The fast path while the object does not meet itself, the oracle for the frames in which it may."""
+
+    def __init__(self, free: Path, whole: Path, meeting: SelfCollision) -> None:
+        """`free` leaves out what `meeting` would do, `whole` does not."""
+        self._free, self._whole, self._meeting = free, whole, meeting
+
+    def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
+        """The state [m, m/s] after a frame: tried without contact, done again if there may have been one."""
+        after = self._free.advance(state, drive, dt, checkpoint)
+        if self._meeting.meets(state.positions, after.positions):
+            return self._whole.advance(state, drive, dt, checkpoint)
+        return after
+
+    def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
+        """Impulses have none."""
+        return self._free.slopes(state, anchors)
+
+
 def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, batch: torch.Size) -> Path:
     """The fastest path that the terms allow, or the one asked for.
 
@@ -96,6 +116,11 @@ def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, ba
     """
     if backend == "torch":
         return Oracle(dynamics, integrator)
+    meeting = next((term for term, _ in dynamics.contacts if isinstance(term, SelfCollision)), None)
+    if meeting is not None and backend == "auto":
+        free = choose_path(backend, dynamics.without(meeting), integrator, batch)
+        whole = Oracle(dynamics, integrator)
+        return whole if isinstance(free, Oracle) else Watched(free, whole, meeting)
     try:
         return FastPath(Kernel(dynamics, integrator, batch), dynamics)
     except Inexpressible as error:

@@ -1,6 +1,7 @@
 """All terms of a simulator, with their constants evaluated once, ready for many steps."""
 
 from collections.abc import Sequence
+from copy import copy
 
 import torch
 from jaxtyping import Float
@@ -38,6 +39,12 @@ class Dynamics:
         self._other = [(t, v) for t, v in self.forces if not isinstance(t, PairForce | Decay)]
         self._decay = [(t, v) for t, v in self.forces if isinstance(t, Decay)]
         self._factors: dict[float, Tensor | None] = {}
+
+    def without(self, contact: ContactTerm) -> "Dynamics":
+        """The same, evaluated once as it is, but for one contact."""
+        rest = copy(self)
+        rest.contacts = [(term, values) for term, values in self.contacts if term is not contact]
+        return rest
 
     @property
     def batch(self) -> torch.Size:

@@ -44,6 +44,24 @@ class NeighbourSearch:
             self.searches += 1
         return self._pairs
 
+    @torch.no_grad()
+    def meet(self, before: Float[Tensor, "*b N 3"], after: Float[Tensor, "*b N 3"]) -> bool:
+        """Whether any pair comes within the distance while points move straight from `before` to `after`."""
+        clouds = (t.detach().cpu().double().numpy().reshape(-1, *self._rest.shape) for t in (before, after))
+        return any(self._pass(start, end) for start, end in zip(*clouds, strict=True))
+
+    def _pass(self, start: np.ndarray, end: np.ndarray) -> bool:
+        if not (np.isfinite(start).all() and np.isfinite(end).all()):
+            return False  # the rollout is about to say so
+        travel = end - start
+        own = np.linalg.norm(travel - travel.mean(axis=0), axis=1).max()
+        first, second = self._listed(cKDTree(start), self.distance + 2 * own).T
+        apart, closing = start[second] - start[first], travel[second] - travel[first]
+        speed = np.einsum("ij,ij->i", closing, closing)
+        nearest = -np.einsum("ij,ij->i", apart, closing) / np.maximum(speed, 1e-30)
+        apart = apart + nearest.clip(0.0, 1.0)[:, None] * closing
+        return bool((np.einsum("ij,ij->i", apart, apart) < self.distance**2).any())
+
     def _stale(self, positions: Tensor) -> bool:
         if self._searched is None or self._searched.shape != positions.shape:
             return True
@@ -54,7 +72,11 @@ class NeighbourSearch:
     def _search(self, cloud: np.ndarray) -> np.ndarray:
         if not np.isfinite(cloud).all():
             return np.zeros((0, 2), np.int64)  # the rollout is about to say so
-        pairs = cKDTree(cloud).query_pairs((1 + SKIN) * self.distance, output_type="ndarray").astype(np.int64)
+        return self._listed(cKDTree(cloud), (1 + SKIN) * self.distance)
+
+    def _listed(self, tree: cKDTree, reach: float) -> np.ndarray:
+        """Pairs within `reach` [m] that may collide at all."""
+        pairs = tree.query_pairs(reach, output_type="ndarray").astype(np.int64)
         apart = self._rest[pairs[:, 0]] - self._rest[pairs[:, 1]]
         far = np.einsum("ij,ij->i", apart, apart) >= self.distance**2
         pairs = pairs[far]

@@ -81,6 +81,10 @@ class SelfCollision(ContactTerm):
         total = torch.zeros_like(points).index_add(0, second, impulse).index_add(0, first, -impulse)
         return velocities + (total / weights).reshape(velocities.shape)
 
+    def meets(self, before: Float[Tensor, "*b N 3"], after: Float[Tensor, "*b N 3"]) -> bool:
+        """Whether points may come within the distance on the straight way from `before` to `after` [m]."""
+        return self._search.meet(before, after)
+
     @torch.no_grad()
     def _touching(
         self, positions: Tensor, points: Float[Tensor, "n 3"], speeds: Float[Tensor, "n 3"]
