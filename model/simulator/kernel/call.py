@@ -110,19 +110,26 @@ def call(
     partition = layout.partition(threads if batch == 1 else 1)
     frames = (Frame * batch)()
     alive: list[object] = [partition]
-    for index, frame in enumerate(frames):
-        graph.fill(frame, alive)
-        frame.dt, frame.count, frame.interval = interval.dt, interval.count, interval.seconds
-        frame.partition = partition.data_ptr()
-        for name, value in whole.items():
-            setattr(frame, name, value)
-        for name, tensor in buffers.single.items():
-            if name == "pulls":
-                frame.pulls = (_P * 2)(*(_pointer(part, index) for part in tensor))
-            else:
-                setattr(frame, name, _pointer(tensor, index))
-        for name, tensors in buffers.lists.items():
-            pointers = (_P * max(1, len(tensors)))(*(_pointer(t, index) for t in tensors))
+    first = frames[0]
+    graph.fill(first, alive)
+    first.dt, first.count, first.interval = interval.dt, interval.count, interval.seconds
+    first.partition = partition.data_ptr()
+    for name, value in whole.items():
+        setattr(first, name, value)
+    for frame in frames[1:]:
+        ctypes.pointer(frame)[0] = first
+    for name, tensor in buffers.single.items():
+        if name != "pulls":
+            for frame, address in zip(frames, _addresses(tensor, batch), strict=True):
+                setattr(frame, name, address)
+    if "pulls" in buffers.single:
+        parts = [_addresses(part, batch) for part in buffers.single["pulls"]]
+        for frame, pair in zip(frames, zip(*parts, strict=True), strict=True):
+            frame.pulls = (_P * 2)(*pair)
+    for name, tensors in buffers.lists.items():
+        columns = [_addresses(tensor, batch) for tensor in tensors]
+        for index, frame in enumerate(frames):
+            pointers = (_P * max(1, len(columns)))(*(column[index] for column in columns))
             alive.append(pointers)
             setattr(frame, name, ctypes.addressof(pointers))
     getattr(library, direction)(frames, ctypes.c_int(batch), ctypes.c_int(threads))
@@ -133,8 +140,14 @@ def slot_rows(layout: Layout) -> int:
     return layout.slices * LANES + layout.controllers
 
 
-def _pointer(tensor: Tensor | None, index: int) -> int | None:
+def _addresses(tensor: Tensor | None, batch: int) -> Sequence[int | None]:
+    """Where each element of a batch begins; the same for all where they share it."""
     if tensor is None or not tensor.numel():
-        return None
+        return [None] * batch
     assert tensor.is_contiguous()
-    return tensor.data_ptr() + (index * tensor.stride(0) * tensor.element_size() if len(tensor) > 1 else 0)
+    begin, size = tensor.data_ptr(), len(tensor)
+    if size == 1:
+        return [begin] * batch
+    assert size == batch
+    step = tensor.stride(0) * tensor.element_size()
+    return range(begin, begin + step * batch, step)

@@ -274,7 +274,6 @@ class Jagged(AxialForce):
     [
         (lambda s: s.with_force(UnprojectedDashpot(0.1)), "the force 'unprojected_dashpot'"),
         (lambda s: s.with_force(Jagged()), "law of 'jagged' cannot be traced: torch.floor"),
-        (lambda s: s.with_contact(SelfCollision(s.system, 0.01, 0.0, 0.0)), "the contact 'self_collision'"),
     ],
 )
 @pytest.mark.filterwarnings("error")
@@ -287,6 +286,13 @@ def test_what_it_cannot_do_is_named_and_left_to_the_oracle(scene, change, compla
         found = simulator.rollout(made.state(), made.controls[:2], substeps=40)
     expected = simulator.with_backend("torch").rollout(made.state(), made.controls[:2], substeps=40)
     assert torch.equal(found.points, expected.points)
+
+
+def test_self_collision_is_no_part_of_it(scene):
+    made = scene()
+    simulator = made.simulator.with_contact(SelfCollision(made.simulator.system, 0.01, 0.0, 0.0))
+    with pytest.raises(InputError, match="the contact 'self_collision'"):
+        simulator.with_backend("kernel").rollout(made.state(), made.controls[:2], substeps=40)
 
 
 @pytest.mark.filterwarnings("error")
