@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 from scipy.spatial import cKDTree
 
-from model.types import Array, Camera, Gaussians, Parts, PartView
+from model.types import Array, Camera, Gaussians, Parts, PartView, ShapeClass
 
 
 def view_parts(
@@ -14,6 +14,7 @@ def view_parts(
     parts: Parts,
     visible: Bool[Array, " G"],
     camera: Camera,
+    shape_class: ShapeClass | None = None,
 ) -> list[PartView]:
     """Give every object pixel to the part of the nearest visible Gaussian.
 
@@ -24,6 +25,7 @@ def view_parts(
         parts: Its partition.
         visible: Which Gaussians the camera sees.
         camera: Of the keyframe.
+        shape_class: Of the whole, if it is known.
 
     Returns:
         One view per part, in the order of the labels. A part that is wholly hidden gets an empty mask.
@@ -39,5 +41,5 @@ def view_parts(
         mask = np.zeros_like(object_mask)
         chosen = owner == part
         mask[rows[chosen], columns[chosen]] = True
-        views.append(PartView(image=image, mask=mask, object_mask=object_mask, label=f"part {part}"))
+        views.append(PartView(image, mask, object_mask, f"part {part}", shape_class))
     return views

@@ -11,7 +11,7 @@ from pydantic import JsonValue
 
 from model.bundle import TwinBundle
 from model.controllers import find_controllers, read_controllers
-from model.encoders import ALL_ENCODERS
+from model.encoders import ALL_ENCODERS, SemanticEncoder
 from model.errors import InputError
 from model.grip_choice import choose_grip
 from model.grip_paths import grip_paths
@@ -19,7 +19,7 @@ from model.lifting import lift_features, visible_gaussians
 from model.manifest import describe_parts, write_manifest
 from model.part_views import view_parts
 from model.parts import segment_parts
-from model.predictor import ALL_PREDICTORS
+from model.predictor import ALL_PREDICTORS, ParameterPredictor
 from model.preview import preview
 from model.priors import ALL_PRIORS
 from model.priors.base import PriorClient
@@ -29,14 +29,14 @@ from model.reconstruction.cameras import calibrate
 from model.reconstruction.depth import DepthReconstructor
 from model.reconstruction.mesh import MeshReconstructor
 from model.registry import by_name
-from model.rendering import ALL_RENDERERS, best_renderer
+from model.rendering import ALL_RENDERERS, Renderer, best_renderer
 from model.schema import BundleManifest
-from model.segmentation import ALL_SEGMENTERS
+from model.segmentation import ALL_SEGMENTERS, Segmenter
 from model.skinning import bind
 from model.stage_log import StageLog, StageReport, Step
 from model.timing import evenly_timed
 from model.topology import build_topology
-from model.tracking import ALL_TRACKERS
+from model.tracking import ALL_TRACKERS, Tracker
 from model.tracking.queries import sample_queries
 from model.types import (
     Array,
@@ -112,6 +112,19 @@ class TwinResult:
 
 
 @dataclass(frozen=True)
+class _Methods:
+    """Who does what."""
+
+    segmenter: Segmenter
+    reconstructor: Reconstructor
+    encoder: SemanticEncoder
+    prior: PriorClient
+    tracker: Tracker
+    predictor: ParameterPredictor
+    renderer: Renderer
+
+
+@dataclass(frozen=True)
 class _Sight:
     """What the keyframe and its surroundings tell."""
 
@@ -155,23 +168,37 @@ def build_twin(video: Path, options: TwinOptions, report: StageReport) -> TwinRe
     Raises:
         InputError: the clip or an option cannot be used; the message is one line for the user.
     """
+    methods = _choose(options)
     log = StageLog(SHARES, report)
-    sight = _see(video, options, log)
-    matter = _understand(sight, options, log)
-    bundle = _mechanise(sight, matter, options, log)
-    bundle = _replay(bundle, sight, options, log)
+    sight = _see(video, options, methods, log)
+    matter = _understand(sight, options, methods, log)
+    bundle = _mechanise(sight, matter, options, methods, log)
+    bundle = _replay(bundle, sight, methods.renderer, log)
     report("done", 1.0)
     return TwinResult(bundle, log.seconds)
 
 
-def _see(video: Path, options: TwinOptions, log: StageLog) -> _Sight:
+def _choose(options: TwinOptions) -> _Methods:
+    """Look all methods up before any work, so that a wrong name costs no time."""
+    return _Methods(
+        segmenter=by_name(ALL_SEGMENTERS, options.segmentation, "segmentation")(),
+        reconstructor=_reconstructor(options),
+        encoder=by_name(ALL_ENCODERS, options.encoder, "encoder")(),
+        prior=by_name(ALL_PRIORS, options.prior, "prior")(),
+        tracker=by_name(ALL_TRACKERS, options.tracking, "tracking")(),
+        predictor=by_name(ALL_PREDICTORS, "prior-mean", "predictor")(),
+        renderer=by_name(ALL_RENDERERS, options.renderer, "renderer")()
+        if options.renderer
+        else best_renderer(),
+    )
+
+
+def _see(video: Path, options: TwinOptions, methods: _Methods, log: StageLog) -> _Sight:
     """Frames → masks → the metric world → Gaussians."""
-    segmenter = by_name(ALL_SEGMENTERS, options.segmentation, "segmentation")()
-    reconstructor = _reconstructor(options)
+    segmenter, reconstructor, prior = methods.segmenter, methods.reconstructor, methods.prior
     frames = log.run("video", Step("pyav", "1"), lambda: read_video(video))
     prompt = read_prompt(frames, mask=options.mask, box=options.box, keyframe=options.keyframe)
     masks = log.run("segmentation", segmenter, lambda: segmenter(frames, prompt))
-    prior = by_name(ALL_PRIORS, options.prior, "prior")()
     keyframe, mask = frames.images[masks.keyframe], masks.object[masks.keyframe]
     shape_class = log.run("shape", *_shape(options.shape, prior, PartView(keyframe, mask, mask, "object")))
     depth = DepthReconstructor(options.depth).keyframe_depth(frames, masks) if options.depth else None
@@ -222,10 +249,9 @@ def _shape(
     return Step("user", "1"), lambda: known[wanted]
 
 
-def _understand(sight: _Sight, options: TwinOptions, log: StageLog) -> _Matter:
+def _understand(sight: _Sight, options: TwinOptions, methods: _Methods, log: StageLog) -> _Matter:
     """Gaussians → features → parts → what each is made of."""
-    encoder = by_name(ALL_ENCODERS, options.encoder, "encoder")()
-    prior = by_name(ALL_PRIORS, options.prior, "prior")()
+    encoder, prior = methods.encoder, methods.prior
     camera, gaussians = sight.calibration.camera, sight.gaussians
     features = log.run(
         "features",
@@ -238,7 +264,9 @@ def _understand(sight: _Sight, options: TwinOptions, log: StageLog) -> _Matter:
         lambda: segment_parts(gaussians, features, options.parts, options.seed),
     )
     visible = visible_gaussians(gaussians, camera, sight.object_mask)
-    views = view_parts(sight.keyframe, sight.object_mask, gaussians, parts, visible, camera)
+    views = view_parts(
+        sight.keyframe, sight.object_mask, gaussians, parts, visible, camera, sight.shape_class
+    )
     return log.run("prior", prior, lambda: _believe(prior, parts, views))
 
 
@@ -248,10 +276,11 @@ def _believe(prior: PriorClient, parts: Parts, views: list[PartView]) -> _Matter
     return _Matter(parts, views, priors, tuple(warnings))
 
 
-def _mechanise(sight: _Sight, matter: _Matter, options: TwinOptions, log: StageLog) -> TwinBundle:
+def _mechanise(
+    sight: _Sight, matter: _Matter, options: TwinOptions, methods: _Methods, log: StageLog
+) -> TwinBundle:
     """The hand, the springs and their parameters → a bundle that has not moved yet."""
-    tracker = by_name(ALL_TRACKERS, options.tracking, "tracking")()
-    predictor = by_name(ALL_PREDICTORS, "prior-mean", "predictor")()
+    tracker, predictor = methods.tracker, methods.predictor
     frames, masks, calibration = sight.frames, sight.masks, sight.calibration
     queries = sample_queries(sight.object_mask, TRACK_COUNT, options.seed)
     tracks = log.run("tracking", tracker, lambda: tracker(frames, queries, masks.keyframe))
@@ -298,7 +327,7 @@ def _mechanise(sight: _Sight, matter: _Matter, options: TwinOptions, log: StageL
     chosen = log.run(
         "grip",
         Step("replay", "1"),
-        lambda: choose_grip(bundle, even, frames, masks, calibration.camera, best_renderer()),
+        lambda: choose_grip(bundle, even, frames, masks, calibration.camera, methods.renderer),
     )
     return replace(
         bundle, controls=chosen.controls, manifest=_with_metrics(bundle, {"grip_path": chosen.name})
@@ -309,9 +338,8 @@ def _with_metrics(bundle: TwinBundle, metrics: dict[str, JsonValue]) -> BundleMa
     return bundle.manifest.model_copy(update={"metrics": {**bundle.manifest.metrics, **metrics}})
 
 
-def _replay(bundle: TwinBundle, sight: _Sight, options: TwinOptions, log: StageLog) -> TwinBundle:
+def _replay(bundle: TwinBundle, sight: _Sight, renderer: Renderer, log: StageLog) -> TwinBundle:
     """Roll the twin out under the recorded hand, look at it through the clip's camera, and measure."""
-    renderer = by_name(ALL_RENDERERS, options.renderer, "renderer")() if options.renderer else best_renderer()
     trajectory = log.run(
         "simulation",
         Step("semi-implicit Euler", "1"),

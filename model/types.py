@@ -221,6 +221,8 @@ class PartView:
     object_mask: Bool[Array, "H W"]
     label: str
     """`object` for the whole, else `part 0`, `part 1`, …"""
+    shape_class: ShapeClass | None = None
+    """What is already known of the whole, from the user or from the first look."""
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,12 @@
 """Topology and priors → parameters: the seam the trained predictor will fill."""
 
 from collections.abc import Sequence
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from model.types import Calibration, Frames, Masks, MaterialPrior, Parameters, ShapeClass, Topology, Tracks
 
 
+@runtime_checkable
 class ParameterPredictor(Protocol):
     """Predicts the mechanics of a topology in one forward pass."""
 

@@ -101,6 +101,8 @@ def question(part: PartView) -> str:
     """What to ask about one part, or about the whole object."""
     what = "The object is" if part.label == "object" else "One part of it is"
     what += " outlined and tinted orange; its surroundings are dimmed."
+    if part.shape_class is not None:
+        what += f" The whole object is known to be of the shape class {part.shape_class}."
     return QUESTION.format(what=what, materials=", ".join(MATERIALS))
 
 

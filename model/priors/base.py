@@ -1,10 +1,11 @@
 """What a part is made of: the seam every material expert fills."""
 
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from model.types import MaterialPrior, PartView
 
 
+@runtime_checkable
 class PriorClient(Protocol):
     """Looks at a part and says what it believes about its material."""
 

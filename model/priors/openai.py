@@ -106,7 +106,8 @@ class OpenAIPrior:
             except InputError as error:
                 raise self._error(f"{error}; use a model that follows JSON schemas") from None
             _remember(known, answer)
-        return believe(answer)
+        prior = believe(answer)
+        return prior if part.shape_class is None else replace(prior, shape_class=part.shape_class)
 
     def _body(self, part: PartView) -> bytes:
         """The request, the same bytes for the same part."""

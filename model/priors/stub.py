@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from model.priors.materials import combine, normalised
-from model.priors.outline import guess_shape
+from model.shape import guess_shape
 from model.types import Array, MaterialPrior, PartView, ShapeClass
 
 WARNING = (
@@ -67,7 +67,7 @@ class StubPrior:
     weights: str | None = None
 
     def material(self, part: PartView) -> MaterialPrior:
-        """Deterministic: the same pixels get the same answer.
+        """Deterministic: the same pixels get the same answer; a shape class that is known is believed.
 
         A part without a visible pixel is judged by the whole object, and says so.
         """
@@ -76,7 +76,8 @@ class StubPrior:
         if not mask.any():
             warnings.append(f"{part.label} is not visible on the keyframe: judged by the whole object")
             mask = part.object_mask
-        shape = guess_shape(part.image, part.object_mask if part.object_mask.any() else mask)
+        outline = part.object_mask if part.object_mask.any() else mask
+        shape = part.shape_class or guess_shape(part.image, outline)
         evidence = dict(SHAPE_EVIDENCE[shape])
         if mask.any():
             for material, value in _evidence(measure(part.image, mask)).items():

@@ -1,8 +1,8 @@
 """Keyframe → Gaussians with volume: by inflating the silhouette, from a mesh, or from depth.
 
-`cameras.calibrate` fixes camera, gravity, ground and scale; `shape.classify_shape` tells sheet, rope and
-solid apart; a method of `ALL_RECONSTRUCTORS` then builds the body. They share one path: a signed-distance
-`Volume`, filled with Gaussians (`fill`) that are coloured from the keyframe (`paint`).
+`cameras.calibrate` fixes camera, gravity, ground and scale; a method of `ALL_RECONSTRUCTORS` then builds the
+body. They share one path: a signed-distance `Volume`, filled with Gaussians (`fill`) that are coloured from
+the keyframe (`paint`).
 """
 
 from model.reconstruction.base import Reconstructor

@@ -26,7 +26,9 @@ def test_each_object_pixel_goes_to_the_part_in_front():
         Parts(np.array([0, 1, 2], np.int32), 3),
         visible,
         camera,
+        "rope",
     )
+    assert {view.shape_class for view in views} == {"rope"}
     assert [view.label for view in views] == ["part 0", "part 1", "part 2"]
     np.testing.assert_array_equal(views[0].mask | views[1].mask, mask)
     assert not (views[0].mask & views[1].mask).any()

@@ -139,6 +139,14 @@ def test_a_good_answer_becomes_a_belief(serve, client):
     assert prior.properties["stiffness"].spread == pytest.approx(np.log(9) / (2 * 1.645))
 
 
+def test_a_shape_that_is_known_is_told_and_believed(serve, client):
+    server = serve(good())
+    prior = client(server).material(view(shape_class="rope"))
+    text = json.loads(server.requests[0][2])["messages"][0]["content"][0]["text"]
+    assert "known to be of the shape class rope" in text
+    assert prior.shape_class == "rope"
+
+
 def test_the_request_is_a_chat_completion_with_picture_and_schema(serve, client):
     server = serve(good())
     prior = client(server)

@@ -120,3 +120,11 @@ def test_measures_are_what_they_are_called():
     spot = plain((150, 30, 30))
     spot[40:60, 40:60] = 255
     assert measure(spot, WHOLE).gloss == pytest.approx(400 / WHOLE.sum())
+
+
+def test_a_shape_that_is_known_is_believed():
+    part = PartView(IMAGES["plush"], WHOLE, WHOLE, "part 0", shape_class="rope")
+    prior = StubPrior().material(part)
+    assert believe(IMAGES["plush"]).shape_class != "rope"
+    assert prior.shape_class == "rope"
+    assert prior.properties == combine(prior.distribution, "rope")

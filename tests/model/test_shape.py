@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from model.priors.outline import guess_shape
+from model.shape import guess_shape
 
 SIZE = (240, 320)
 
@@ -90,3 +90,22 @@ def test_a_single_pixel_is_judged():
     one = np.zeros(SIZE, bool)
     one[10, 10] = True
     assert guess_shape(flat(one), one) in ("sheet", "solid")
+
+
+@pytest.mark.parametrize("thickness", [8, 16, 24])
+def test_an_even_strand_is_a_rope_bent_or_not(thickness):
+    straight = drawn(lambda canvas: cv2.line(canvas, (40, 120), (280, 130), 1, thickness))
+    angle = np.linspace(0.2, 2.8, 60)
+    arc = np.stack([160 + 110 * np.cos(angle), 180 - 110 * np.sin(angle)], -1).round().astype(np.int32)
+    bent = drawn(lambda canvas: cv2.polylines(canvas, [arc], False, 1, thickness))
+    assert guess_shape(flat(straight), straight) == "rope"
+    assert guess_shape(flat(bent), bent) == "rope"
+
+
+def test_a_strand_with_a_thick_end_is_no_rope():
+    def club(canvas):
+        cv2.line(canvas, (40, 120), (280, 120), 1, 10)
+        cv2.circle(canvas, (250, 120), 45, 1, -1)
+
+    mask = drawn(club)
+    assert guess_shape(flat(mask), mask) == "solid"
