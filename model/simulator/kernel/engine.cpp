@@ -5,8 +5,8 @@
 // springs (each spring has a slot at both of its ends), so nothing is scattered, nothing is atomic, and sums
 // do not depend on the number of threads. Vector extensions only: any CPU that GCC or clang compiles for.
 //
-// Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size,
-// and the macros SINGLE, GROUND, SPRINGS, CONTROLLERS and STENCILS. The traced laws take the place of the line that says so.
+// Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size, and the
+// macros SINGLE, GROUND, SPRINGS, CONTROLLERS and STENCILS. The traced laws take the place of the line that says so.
 #include <atomic>
 #include <cmath>
 #include <cstdint>
@@ -181,24 +181,37 @@ INLINE Edge edge(const V me[6], const V other[6], V rest) {
 
 // THE LAWS
 
+struct Fetched { V at[6], pulled[3]; };
+
+// Three slots are under way at once: one is fetched while the one before it is looked at and the one before that
+// acts. One after the other they would leave the processor waiting: its queues are too short to look so far ahead.
 template <class Law>
 INLINE void pull(const Law &law, const int32_t *offset, int64_t begin, int64_t end, const R *rows, const V me[6],
                  V force[3]) {
-  const auto see = [&](int64_t slot) {
-    V other[6];
-    gather(rows, offset + W * slot, other);
-    return edge(me, other, law.rest(slot));
+  const auto fetch = [&](int64_t slot) {
+    Fetched far;
+    gather(rows, offset + W * slot, far.at);
+    return far;
   };
+  const auto see = [&](int64_t slot, const Fetched &far) { return edge(me, far.at, law.rest(slot)); };
   const auto act = [&](int64_t slot, const Edge &e) {
     V scaled = law.tension(slot, e.length, e.rate) * e.inverse;
     for (int k = 0; k < 3; ++k) force[k] += scaled * e.d[k];
   };
   if (begin == end) return;
-  Edge next = see(begin);
-  for (int64_t slot = begin; slot < end - 1; ++slot) {
-    const Edge now = next;
-    next = see(slot + 1);
-    act(slot, now);
+  Fetched far = fetch(begin);
+  Edge next = see(begin, far);
+  if (begin + 1 < end) {
+    far = fetch(begin + 1);
+    for (int64_t slot = begin; slot < end - 2; ++slot) {
+      const Edge now = next;
+      const Fetched here = far;
+      far = fetch(slot + 2);
+      next = see(slot + 1, here);
+      act(slot, now);
+    }
+    act(end - 2, next);
+    next = see(end - 1, far);
   }
   act(end - 1, next);
 }
@@ -401,45 +414,43 @@ template <bool free, bool weighs, class Law>
 INLINE void pull_back(Law &law, const int32_t *offset, int64_t begin, int64_t end, const R *rows, const R *pulls,
                       const V me[6], const V mine[3], V force[3], V xbar[3], V vbar[3], R *held, int64_t held_stride,
                       V share, V pace) {
-  struct Seen { Edge e; V pulled[3], tensionbar; };
-  const auto see = [&](int64_t slot) {
-    V other[6], along = splat(0), unused;
-    Seen s;
-    gather(rows, offset + W * slot, other);
-    if (free) quad(pulls, offset + W * slot, s.pulled[0], s.pulled[1], s.pulled[2], unused);
-    s.e = edge(me, other, law.rest(slot));
-    for (int k = 0; k < 3; ++k) {
-      s.pulled[k] = free ? mine[k] - s.pulled[k] : mine[k];
-      along += s.pulled[k] * s.e.d[k];
-    }
-    s.tensionbar = along * s.e.inverse;
-    return s;
+  const auto fetch = [&](int64_t slot) {
+    Fetched far;
+    V unused;
+    gather(rows, offset + W * slot, far.at);
+    if (free) quad(pulls, offset + W * slot, far.pulled[0], far.pulled[1], far.pulled[2], unused);
+    return far;
   };
-  const auto act = [&](int64_t slot, const Seen &s) {
-    const Edge &e = s.e;
-    V lengthbar, ratebar;
-    V tension = law.pull_back(slot, e.length, e.rate, s.tensionbar, lengthbar, ratebar);
+  const auto act = [&](int64_t slot, const Fetched &far) {
+    const Edge e = edge(me, far.at, law.rest(slot));
+    V pulled[3], lengthbar, ratebar, along = splat(0);
+    for (int k = 0; k < 3; ++k) {
+      pulled[k] = free ? mine[k] - far.pulled[k] : mine[k];
+      along += pulled[k] * e.d[k];
+    }
+    const V tensionbar = along * e.inverse;
+    const V tension = law.pull_back(slot, e.length, e.rate, tensionbar, lengthbar, ratebar);
     // f = (T/l) d, l' = w·d/l: what each passes on to d and w, split into parts along d, `pulled` and w.
     V scaled = tension * e.inverse, paced = ratebar * e.inverse;
-    V axial = (lengthbar - scaled * s.tensionbar - paced * e.rate) * e.inverse;
+    V axial = (lengthbar - scaled * tensionbar - paced * e.rate) * e.inverse;
     for (int k = 0; k < 3; ++k) {
       if (weighs) force[k] += scaled * e.d[k];
       vbar[k] -= paced * e.d[k];
       if (!free && held) {
-        V dbar = axial * e.d[k] + scaled * s.pulled[k] + paced * e.w[k], wbar = paced * e.d[k];
+        V dbar = axial * e.d[k] + scaled * pulled[k] + paced * e.w[k], wbar = paced * e.d[k];
         accumulate(held + held_stride * k + W * slot, (1 - share) * dbar - pace * wbar);
         accumulate(held + held_stride * (3 + k) + W * slot, share * dbar + pace * wbar);
       }
       xbar[k] -= axial * e.d[k];
-      xbar[k] -= scaled * s.pulled[k];
+      xbar[k] -= scaled * pulled[k];
       xbar[k] -= paced * e.w[k];
     }
   };
   if (begin == end) return;
-  Seen next = see(begin);
+  Fetched next = fetch(begin);
   for (int64_t slot = begin; slot < end - 1; ++slot) {
-    const Seen now = next;
-    next = see(slot + 1);
+    const Fetched now = next;
+    next = fetch(slot + 1);
     act(slot, now);
   }
   act(end - 1, next);
@@ -466,12 +477,13 @@ static void move_back(const Frame &f, int64_t step, const R *rows, const R *pull
     gather(rows + ROW * W * slice, NEXT, me);
     quad(pulls + ROW * W * slice, NEXT, mine[0], mine[1], mine[2], unused);
     for (int k = 0; k < 6; ++k) bar[k] = load(f.adjoint + W * (6 * slice + k));
+    const int64_t *own = f.spring_start + slice, *held = f.controller_start + slice;
     if (SPRINGS)
-      pull_back<true, weighs>(springs, f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1], rows, pulls, me,
-                      mine, force, bar, bar + 3, nullptr, 0, share, pace);
+      pull_back<true, weighs>(springs, f.spring_offset, own[0], own[1], rows, pulls, me, mine, force, bar, bar + 3,
+                              nullptr, 0, share, pace);
     if (CONTROLLERS)
-      pull_back<false, weighs>(controllers, f.controller_offset, f.controller_start[slice], f.controller_start[slice + 1],
-                       rows, pulls, me, mine, force, bar, bar + 3, f.held_gradient, held_stride, share, pace);
+      pull_back<false, weighs>(controllers, f.controller_offset, held[0], held[1], rows, pulls, me, mine, force, bar,
+                               bar + 3, f.held_gradient, held_stride, share, pace);
     if (SPRINGS) springs.finish(f, slice);
     if (CONTROLLERS) controllers.finish(f, slice);
     if (STENCILS) collect_adjoint(f, slice, bar);
