@@ -1,10 +1,12 @@
 """The fast path: the laws of a simulator traced once, generated as C++, compiled, and run by frames.
 
-The torch oracle (`Dynamics` and an integrator) says what is right; this says the same, faster. On the way from
-one to the other: `groups` and `corners` run the laws on symbols (`expression`, `graph`) and differentiate them
-(`differentiate`); `emit` writes them into `engine.cpp`, which has the loops; `build` compiles and caches; `layout`
-says where points and springs lie in memory; `call`, `program` and `function` run a frame and its adjoint as an
-operation of autograd; `kernel` does all of that for the terms of a rollout, or says which of them it cannot.
+The torch oracle (`Dynamics` and an integrator) says what is right; this says the same, faster. On the way:
+
+- `groups` and `corners` run the laws on symbols (`expression`, `graph`) and differentiate them
+  (`differentiate`); `emit` writes them into `engine.cpp`, which has the loops; `build` compiles and caches;
+- `layout` says where points and springs lie in memory; `call`, `program` and `function` run a frame and its
+  adjoint as an operation of autograd;
+- `kernel` does all of that for the terms of a rollout, or says which of them it cannot.
 
 It differentiates once: `torch.func` transforms and second derivatives are the oracle's (`backend="torch"`).
 """

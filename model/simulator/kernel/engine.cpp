@@ -5,8 +5,9 @@
 // springs (each spring has a slot at both of its ends), so nothing is scattered, nothing is atomic, and sums
 // do not depend on the number of threads. Vector extensions only: any CPU that GCC or clang compiles for.
 //
-// Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size, and the
-// macros SINGLE, GROUND, SPRINGS, CONTROLLERS and STENCILS. The traced laws take the place of the line that says so.
+// Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size, and
+// the macros SINGLE, GROUND, SPRINGS, CONTROLLERS and STENCILS. The traced laws take the place of the line that
+// says so.
 #include <atomic>
 #include <cmath>
 #include <cstdint>
