@@ -58,7 +58,9 @@ def inscribed(mask: Bool[Array, "H W"], direction: Float64[Array, " 2"], squeeze
 
 def _cover(mask: Bool[Array, "H W"]) -> Float64[Array, "K 3"]:
     """Greedy cover of a mask by inscribed discs (x, y, radius) [px], largest first."""
-    distance = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    rough = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    # OpenCV's last digit changes from call to call; the squares are whole numbers, which says what it is.
+    distance = np.sqrt(np.rint(np.square(rough, dtype=np.float64)))
     # A disc that lies inside a neighbour's adds nothing: keep the ridge, where the distance turns.
     slope = np.hypot(*np.gradient(distance))
     ridge = mask & (slope < 0.93)
