@@ -44,7 +44,7 @@ class Bending(StencilForce):
 
     def __init__(
         self,
-        stencils: Int[Tensor, "S 3"],
+        stencils: Int[Tensor, "..."],
         bending_stiffness: TensorLike,
         span: TensorLike,
         rest_turn: TensorLike = 0.0,

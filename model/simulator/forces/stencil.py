@@ -37,7 +37,7 @@ class StencilForce(ForceTerm, ABC):
     law: ClassVar[Law | None] = None
     stencils: Tensor
 
-    def __init__(self, stencils: Int[Tensor, "S n"], **values: TensorLike) -> None:
+    def __init__(self, stencils: Int[Tensor, "..."], **values: TensorLike) -> None:
         """See the class."""
         super().__init__(**values)
         if stencils.ndim != 2 or stencils.shape[1] != self.size:

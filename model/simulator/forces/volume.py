@@ -37,7 +37,7 @@ class Volume(StencilForce):
     }
 
     def __init__(
-        self, stencils: Int[Tensor, "S 4"], bulk_modulus: TensorLike, rest_volume: TensorLike
+        self, stencils: Int[Tensor, "..."], bulk_modulus: TensorLike, rest_volume: TensorLike
     ) -> None:
         """See the class."""
         super().__init__(stencils, bulk_modulus=bulk_modulus, rest_volume=rest_volume)
