@@ -3,14 +3,17 @@
 import json
 import zipfile
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from safetensors.numpy import save
 
 from model.bundle import TwinBundle
 from model.errors import InputError
+from model.movie import encode_mp4
 
 PROPERTIES = [
     *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),
@@ -136,3 +139,46 @@ def refusal() -> Callable[[Path], str]:
         return message
 
     return load
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A video file and what is really in it."""
+
+    path: Path
+    images: np.ndarray
+    """[T, H, W, 3]."""
+    things: np.ndarray
+    """Where the object is, [T, H, W] bool."""
+
+
+@pytest.fixture(scope="session")
+def plush_clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+    """A hand lifts a blue plush from a plain table, 24 pixels high: 12 frames of 192×144."""
+    rng, height, width, count = np.random.default_rng(0), 144, 192, 12
+
+    def noise(amount: float, blur: float) -> np.ndarray:
+        return cv2.GaussianBlur(rng.normal(0, amount, (height, width)).astype(np.float32), (0, 0), blur)
+
+    table = np.float32([150, 158, 165]) + noise(6, 3)[..., None]
+    light = np.interp(np.arange(height), [55, 118], [1.6, 0.5]).astype(np.float32)[:, None, None]
+    fur = np.clip(np.float32([62, 88, 120]) * light + noise(60, 1.2)[..., None], 0, 255)
+    thing, hand = np.zeros((height, width), np.uint8), np.zeros((height, width), np.uint8)
+    cv2.ellipse(thing, (96, 96), (30, 22), 0, 0, 360, 255, -1)
+    for center, radius in (((96, 70), 15), ((70, 108), 10), ((122, 108), 10)):
+        cv2.circle(thing, center, radius, 255, -1)
+    cv2.ellipse(hand, (96, 52), (11, 13), 0, 0, 360, 255, -1)
+    cv2.line(hand, (96, 46), (120, -40), 255, 20)
+    images, things = [], []
+    for rise in 12 * (1 - np.cos(np.linspace(0, np.pi, count))):
+        move = np.float32([[1, 0, 0], [0, 1, -rise]])
+        moved = [cv2.warpAffine(each, move, (width, height)) for each in (thing, hand, fur)]
+        image = table.copy()
+        image[moved[0] > 127] = moved[2][moved[0] > 127]
+        image[moved[1] > 127] = (214, 160, 130)
+        image = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0, 1.5, image.shape)
+        images.append(np.clip(image, 0, 255).astype(np.uint8))
+        things.append((moved[0] > 127) & (moved[1] <= 127))
+    path = tmp_path_factory.mktemp("plush") / "plush.mp4"
+    path.write_bytes(encode_mp4(images, np.arange(count) / 30))
+    return Clip(path, np.stack(images), np.stack(things))
