@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from pydantic import BaseModel
 
-from model.archive import MEBIBYTE, read_archive, write_archive
 from model.errors import InputError
-from model.files import replacing
-from model.parameters import decode_parameters, encode_parameters, gravity, ground_height, scalar
-from model.ply import decode_ply, encode_ply
+from model.formats.archive import MEBIBYTE, read_archive, write_archive
+from model.formats.files import replacing
+from model.formats.parameters import decode_parameters, encode_parameters, gravity, ground_height, scalar
+from model.formats.ply import decode_ply, encode_ply
+from model.formats.system import System, decode_system, encode_system
 from model.schema import (
     BundleManifest,
     EffectRecord,
@@ -23,7 +24,6 @@ from model.schema import (
     read_json,
     write_json,
 )
-from model.system import System, decode_system, encode_system
 from model.types import (
     Array,
     Camera,

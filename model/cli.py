@@ -16,7 +16,7 @@ import click
 
 from model.doubts import collect_doubts
 from model.errors import InputError
-from model.files import check_writable, replacing
+from model.formats.files import check_writable, replacing
 from model.progress import StageReport, progress
 from model.version import __version__
 
@@ -146,7 +146,7 @@ def simulate(
     """Move TWIN, by the recorded motion of the hand or by another."""
     _check_outputs(twin, out, video)
     from model.bundle import TwinBundle
-    from model.trajectory import write_trajectory
+    from model.formats.trajectory import write_trajectory
 
     bundle = TwinBundle.load(twin)
     with progress(quiet) as report, collect_doubts() as doubts:
@@ -281,7 +281,7 @@ def _roll(
 
     if controls is None:
         return bundle.rollout(None, follow, substeps=substeps)
-    from model.controls import read_controls
+    from model.formats.controls import read_controls
 
     given = read_controls(controls, len(bundle.topology.controller_points))
     jump = float(abs(given.motion[0] - bundle.topology.controller_points).max(initial=0.0))

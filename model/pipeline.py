@@ -10,11 +10,10 @@ from jaxtyping import Bool, UInt8
 from pydantic import JsonValue
 
 from model.bundle import TwinBundle
-from model.controllers import find_controllers, read_controllers
+from model.controllers import find_controllers, grip_paths, read_controllers
 from model.encoders import ALL_ENCODERS, SemanticEncoder
 from model.errors import InputError
 from model.grip_choice import choose_grip
-from model.grip_paths import grip_paths
 from model.lifting import lift_features, visible_gaussians
 from model.manifest import describe_parts, write_manifest
 from model.part_views import view_parts

@@ -11,8 +11,8 @@ import torch
 from jaxtyping import Bool, Float32, Float64, Int, UInt8
 
 from model.backdrops import plate, shade, studio
-from model.files import replacing
-from model.movie import encode_mp4
+from model.formats.files import replacing
+from model.formats.movie import encode_mp4
 from model.rendering.base import Renderer
 from model.skinning import Skin
 from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, Topology, Trajectory

@@ -4,15 +4,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from model.exports.base import Exporter
-from model.files import replacing
-from model.ply import encode_ply
+from model.formats.files import replacing
+from model.formats.ply import encode_ply
 
 if TYPE_CHECKING:
     from model.bundle import TwinBundle
 
 
 class PlyExporter(Exporter):
-    """One 3DGS file: what `model.ply` describes, in metres, z up.
+    """One 3DGS file: what `model.formats.ply` describes, in metres, z up.
 
     Reference:
         Kerbl, Kopanas, Leimkühler and Drettakis (2023), 3D Gaussian Splatting for Real-Time Radiance

@@ -15,7 +15,7 @@ import httpx
 from jaxtyping import Bool
 
 from model.errors import InputError
-from model.files import replacing
+from model.formats.files import replacing
 from model.priors.answer import Answer, believe, parse, question, schema
 from model.priors.overlay import overlay_png
 from model.types import Array, MaterialPrior, PartView

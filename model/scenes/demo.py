@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float32, Float64, UInt8
 
 from model.backdrops import shade
 from model.errors import InputError
-from model.files import check_writable, replacing
-from model.movie import encode_mp4
+from model.formats.files import check_writable, replacing
+from model.formats.movie import encode_mp4
 from model.rendering.splat import SplatRenderer
 from model.rotations import matrices
 from model.scenes.hand import hand_coat

@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model import cli, files
+from model import cli
 from model.bundle import TwinBundle
 from model.errors import InputError
+from model.formats import files
 from model.schema import StageRecord
 
 

@@ -8,7 +8,7 @@ from model.bundle import TwinBundle
 from model.errors import InputError
 from model.exports import ALL_EXPORTERS
 from model.exports.ply import PlyExporter
-from model.ply import decode_ply, encode_ply
+from model.formats.ply import decode_ply, encode_ply
 from model.types import Gaussians
 
 

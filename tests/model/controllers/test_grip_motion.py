@@ -1,6 +1,6 @@
 import numpy as np
 
-from model.grip_motion import WINDOW, follow_back, follow_grip, smoothed
+from model.controllers.grip_motion import WINDOW, follow_back, follow_grip, smoothed
 from model.types import Frames, Masks, Tracks
 
 COUNT, HEIGHT, WIDTH = 30, 100, 160

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from model.errors import InputError
-from model.npz import read_arrays
+from model.formats.npz import read_arrays
 from model.types import Array
 
 NAMES = ("controls", "controllers")

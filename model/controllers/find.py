@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 from scipy.spatial import cKDTree
 
-from model.contact import HANDS, centre_of, contact_groups, grown, later_grip, touch_distance
+from model.controllers.contact import HANDS, centre_of, contact_groups, grown, later_grip, touch_distance
+from model.controllers.geodesics import ways_through
+from model.controllers.grip_depth import Tethers, constant_depth, paired_scale, smooth_depth, tethered_depth
+from model.controllers.grip_motion import GripPath, Track, follow_back, follow_grip, joined
 from model.errors import InputError
-from model.geodesics import ways_through
-from model.grip_depth import Tethers, constant_depth, paired_scale, smooth_depth, tethered_depth
-from model.grip_motion import GripPath, Track, follow_back, follow_grip, joined
-from model.npz import read_arrays
+from model.formats.npz import read_arrays
 from model.types import Array, Calibration, Controllers, Frames, Gaussians, Masks, Tracks
 
 PER_GRIP = 6
@@ -36,7 +36,7 @@ def find_controllers(
 
     A grip is where a hand touches the object on the keyframe. Up to six points of the object that the
     fingers enclose move rigidly with it: in the image as tracks on the fingers and beside them say, in depth
-    by the rules of `model.grip_depth`, turning about the optical axis.
+    by the rules of `model.controllers.grip_depth`, turning about the optical axis.
 
     A hand that comes later holds the place it will touch from the start: a twin's controllers hold
     throughout. Until the hand arrives that place moves as the object itself is seen to move there (not at

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from model.grip_paths import grip_paths
+from model.controllers.grip_paths import grip_paths
 from model.types import Calibration, Camera, Controllers
 
 

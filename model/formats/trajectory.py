@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.files import replacing
+from model.formats.files import replacing
 from model.types import Trajectory
 
 

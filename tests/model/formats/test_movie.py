@@ -1,10 +1,14 @@
 import io
+import os
+import platform
+import subprocess
+import sys
 
 import av
 import numpy as np
 import pytest
 
-from model.movie import encode_mp4
+from model.formats.movie import encode_mp4
 
 
 def gradient(t, height=49, width=65):
@@ -34,6 +38,27 @@ def test_same_images_same_bytes_with_the_index_first():
     assert first != encode_mp4([gradient(t + 1) for t in range(4)], times)
     assert first.index(b"moov") < first.index(b"mdat")
     assert b"Lavf" not in first
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="MALLOC_PERTURB_ is glibc's")
+def test_bytes_do_not_depend_on_what_memory_held_before():
+    code = (
+        "import hashlib, numpy as np; from model.formats.movie import encode_mp4; "
+        "ramp = np.arange(50 * 96 * 3, dtype=np.uint32).reshape(50, 96, 3); "
+        "images = [(ramp * (t + 3) % 251).astype(np.uint8) for t in range(4)]; "
+        "print(hashlib.sha256(encode_mp4(images, np.arange(4) / 30)).hexdigest())"
+    )
+    printed = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env=os.environ | {"MALLOC_PERTURB_": fill},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for fill in ("0", "85", "170")
+    }
+    assert len(printed) == 1
 
 
 def test_no_images():

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from model.errors import InputError
-from model.files import check_writable, replacing
+from model.formats.files import check_writable, replacing
 
 
 def test_replaces_at_the_end(tmp_path: Path):

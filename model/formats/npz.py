@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from model.archive import MEBIBYTE, read_archive
 from model.errors import InputError
+from model.formats.archive import MEBIBYTE, read_archive
 from model.types import Array
 
 ARRAY_LIMIT = 512 * MEBIBYTE

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from model.grip_depth import SLACK, Tethers, constant_depth, paired_scale, tethered_depth
+from model.controllers.grip_depth import SLACK, Tethers, constant_depth, paired_scale, tethered_depth
 from model.types import Calibration, Camera
 
 

@@ -3,8 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model.controls import read_controls
 from model.errors import InputError
+from model.formats.controls import read_controls
 
 MOTION = np.zeros((3, 2, 3), np.float32)
 NOT_FINITE = MOTION.copy()

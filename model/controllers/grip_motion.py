@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 from scipy.signal import savgol_filter
 
-from model.contact import grown, touch_distance
+from model.controllers.contact import grown, touch_distance
 from model.types import Array, Frames, Masks, Tracks
 
 Track: TypeAlias = Callable[[Frames, Float32[Array, "N 2"], int], Tracks]

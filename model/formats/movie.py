@@ -14,6 +14,9 @@ from model.types import Array
 
 CLOCK = 90_000
 """Ticks per second of the time stamps."""
+STEADY = "threads=1:asm=sse4.2"
+"""x264's AVX-512 routines read memory behind the picture that nobody has written, and the bytes then differ
+from run to run (seen with MALLOC_PERTURB_); its older ones do not."""
 QUALITY = 20
 """x264's constant rate factor: 18 looks lossless, 23 is its default."""
 
@@ -45,7 +48,7 @@ def encode_mp4(images: Iterable[UInt8[Array, "H W 3"]], times: Float64[Array, " 
                     stream.codec_context.time_base = Fraction(1, CLOCK)
                     stream.codec_context.thread_count = 1
                     stream.codec_context.flags |= Flags.bitexact
-                    stream.options = {"crf": str(QUALITY), "preset": "fast", "x264-params": "threads=1"}
+                    stream.options = {"crf": str(QUALITY), "preset": "fast", "x264-params": STEADY}
                 frame = av.VideoFrame.from_ndarray(image, format="rgb24")
                 frame.pts, frame.time_base = round((time - times[0]) * CLOCK), Fraction(1, CLOCK)
                 container.mux(stream.encode(frame))

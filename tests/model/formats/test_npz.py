@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.errors import InputError
-from model.npz import read_arrays
+from model.formats.npz import read_arrays
 
 
 def write(path: Path, content: bytes) -> Path:

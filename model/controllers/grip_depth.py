@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
-from model.grip_motion import smoothed
+from model.controllers.grip_motion import smoothed
 from model.types import Array, Calibration, Camera
 
 SLACK = 1.04

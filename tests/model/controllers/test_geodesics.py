@@ -1,6 +1,6 @@
 import numpy as np
 
-from model.geodesics import ways_through
+from model.controllers.geodesics import ways_through
 from model.types import Gaussians
 
 

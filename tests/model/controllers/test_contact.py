@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from model.contact import centre_of, contact_groups, later_grip
+from model.controllers.contact import centre_of, contact_groups, later_grip
 from model.types import Masks
 
 HEIGHT, WIDTH = 120, 200
