@@ -13,7 +13,7 @@ from safetensors.numpy import save
 
 from model.bundle import TwinBundle
 from model.errors import InputError
-from model.movie import encode_mp4
+from model.formats.movie import encode_mp4
 
 PROPERTIES = [
     *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),

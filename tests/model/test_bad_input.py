@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from model import cli
-from model.movie import encode_mp4
+from model.formats.movie import encode_mp4
 
 
 @pytest.fixture
