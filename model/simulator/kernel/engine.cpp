@@ -234,7 +234,7 @@ INLINE void place(const Frame &f, int64_t substep, R *rows) {
 // others', and the next phase begins when all pieces are done - not when all threads are there, so one that the
 // system has put aside holds nobody up.
 struct Team {
-  enum { PIECES = 8, PATIENCE = 4000 };
+  enum { PIECES = 8, PATIENCE = 40000 };
   int threads;
   std::vector<std::atomic<int32_t>> taken, done;
   Team(int threads, int64_t phases) : threads(threads), taken(phases * threads), done(phases) {}
