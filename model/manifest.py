@@ -11,6 +11,7 @@ from pydantic import JsonValue
 from model.priors.materials import MATERIALS
 from model.priors.overlay import overlay_png
 from model.schema import (
+    SCHEMA,
     BundleManifest,
     CameraRecord,
     PartRecord,
@@ -60,7 +61,7 @@ def write_manifest(
     )
     return BundleManifest.model_validate(
         {
-            "schema": "matphys.twin/1",
+            "schema": SCHEMA,
             "id": content_id(frames.sha256, options, __version__),
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
             "version": __version__,
