@@ -1,0 +1,134 @@
+"""What in an observation is within the contract and yet makes any conclusion doubtful."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64
+
+from model.types import Array, Observation
+
+LONG_STEP = 0.2
+SHORT = 0.3
+"""A recording too short [s] to tell forces from noise."""
+FAST = 50.0
+"""Speed [m/s] that no handled object has."""
+REACH = 0.15
+"""How far [m] from a point a controller may be and still be thought to hold it."""
+RARELY_SEEN = 3
+"""Frames: a point seen in fewer has no acceleration."""
+AIRBORNE = 0.25
+"""Share of its size by which the lowest point seen must be off the ground for an object to be in the air."""
+FLIGHT = 0.25
+"""Seconds in the air from which it can be told whether something falls."""
+
+
+def object_size(points: Float[Array, "T N 3"]) -> float | None:
+    """The longest side of the box around what is seen of the object [m], median over frames.
+
+    None: fewer than two points are ever seen at once, so that nothing can be measured.
+    """
+    seen = ~np.isnan(points[..., 0])
+    frames = points[seen.sum(axis=1) > 1]
+    if not len(frames):
+        return None
+    sides = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
+    return float(np.median(sides.max(axis=1)))
+
+
+def observation_doubts(observation: Observation) -> tuple[str, ...]:
+    """What the contract allows and yet makes conclusions doubtful, a line each."""
+    seen = ~np.isnan(observation.points[..., 0])
+    doubts = [
+        *_time_doubts(observation.times),
+        *_seen_doubts(seen),
+        *_speed_doubts(observation, seen),
+        *_grip_doubts(observation),
+    ]
+    if observation.gravity[2] > 0.0:
+        doubts.append(f"gravity points up ({observation.gravity[2]:g} m/s² along z): the world is z up")
+    if _hangs(observation):
+        doubts.append(
+            "controllers: the object stays in the air and nothing holds it: the hand is missing, so no cause "
+            "can be named"
+        )
+    return tuple(doubts)
+
+
+def _time_doubts(times: Float64[Array, " T"]) -> list[str]:
+    doubts = []
+    median, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    if median > LONG_STEP:
+        doubts.append(f"times: {median:.3g} s between frames is too long to see what moves a soft object")
+    if span < SHORT:
+        doubts.append(f"times: {span:.3g} s are too short to tell forces from noise")
+    return doubts
+
+
+def _seen_doubts(seen: Bool[Array, "T N"]) -> list[str]:
+    doubts = []
+    rarely = int((seen.sum(axis=0) < RARELY_SEEN).sum())
+    if rarely:
+        doubts.append(
+            f"points: {rarely} of {seen.shape[1]} points are seen in fewer than {RARELY_SEEN} frames"
+        )
+    blind = int((~seen.any(axis=1)).sum())
+    if blind:
+        doubts.append(f"points: nothing is seen in {blind} of {seen.shape[0]} frames")
+    return doubts
+
+
+def _speed_doubts(observation: Observation, seen: Bool[Array, "T N"]) -> list[str]:
+    both = seen[1:] & seen[:-1]
+    if not both.any():
+        return ["points: no point is seen in two frames in a row"]
+    steps = np.linalg.norm(np.diff(observation.points, axis=0), axis=2)[both]
+    speed = float((steps / np.diff(observation.times)[np.nonzero(both)[0]]).max())
+    return [f"points: a point moves at {speed:.3g} m/s: a lost track?"] if speed > FAST else []
+
+
+def _grip_doubts(observation: Observation) -> list[str]:
+    held, first = observation.controllers[0], observation.points[0]
+    first = first[~np.isnan(first[:, 0])]
+    if not len(held) or not len(first):
+        return []
+    distance = np.linalg.norm(held[:, None] - first[None], axis=2).min(axis=1)
+    reach = max(REACH, 0.5 * (object_size(observation.points) or 0.0))
+    if distance.min() <= reach:
+        return []
+    return [
+        f"controllers: the nearest is {distance.min():.3g} m from any point in the first frame: it holds none"
+    ]
+
+
+def _hangs(observation: Observation) -> bool:
+    """Whether the object is in the air, held by nothing, and does not fall."""
+    gravity = np.asarray(observation.gravity)
+    size = object_size(observation.points)
+    if observation.controllers.shape[1] or size is None or np.linalg.norm(gravity) < 1e-6:
+        return False
+    points = observation.points[..., 2]
+    seen = ~np.isnan(points).all(axis=1)
+    in_air = seen.copy()
+    if observation.ground_height is not None:
+        lowest = np.nanmin(points[seen], axis=1)
+        in_air[seen] = lowest > observation.ground_height + AIRBORNE * size
+    for start, end in _runs(in_air):
+        times = observation.times[start:end]
+        if times[-1] - times[0] >= FLIGHT:
+            heights = _fall(observation.points[start:end], gravity)
+            curvature = 2.0 * float(np.polyfit(times - times[0], heights, 2)[0])
+            if curvature < 0.5 * float(np.linalg.norm(gravity)):
+                return True
+    return False
+
+
+def _runs(flags: Bool[Array, " T"]) -> list[tuple[int, int]]:
+    """Start and end of each run of true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
+
+
+def _fall(points: Float[Array, "T N 3"], gravity: Float64[Array, " 3"]) -> Float64[Array, " T"]:
+    """Mean distance fallen along gravity [m], each point counted from its own middle position."""
+    along = np.asarray(points, np.float64) @ (gravity / np.linalg.norm(gravity))
+    kept = along[:, ~np.isnan(along).all(axis=0)]
+    fallen: Float64[Array, " T"] = np.nanmean(kept - np.nanmedian(kept, axis=0), axis=1)
+    return fallen
