@@ -13,7 +13,8 @@ from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
 from model.simulator.kernel.call import Interval
-from model.simulator.kernel.kernel import Inexpressible, Kernel
+from model.simulator.kernel.kernel import Kernel
+from model.simulator.kernel.terms import Inexpressible
 from model.simulator.stability import Slopes, differentiate
 from model.simulator.system import Anchors, State
 

@@ -8,13 +8,12 @@ import torch
 
 from model.simulator.kernel.corners import Corners
 from model.simulator.kernel.expression import Expression
-from model.simulator.kernel.groups import Group, Kind, key
+from model.simulator.kernel.groups import KINDS, Group, Kind, key
 from model.simulator.kernel.text import Statements
 
 TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t")}
 """The number a kernel computes with, and the whole number of its size."""
 ENGINE = Path(__file__).with_name("engine.cpp")
-KINDS: tuple[Kind, ...] = ("springs", "controllers")
 
 
 def kernel_source(

@@ -9,9 +9,9 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
+from model.simulator.kernel.groups import Acts
 from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.program import (
-    Acts,
     History,
     Program,
     Stretch,

@@ -11,6 +11,9 @@ from model.simulator.kernel.expression import Expression, Untraceable
 from model.simulator.kernel.graph import Graph
 
 Kind: TypeAlias = Literal["springs", "controllers"]
+KINDS: tuple[Kind, ...] = ("springs", "controllers")
+Acts: TypeAlias = Kind | int
+"""What a constant belongs to: a kind of edge, or the stencils of the law of that number."""
 SYSTEM = "system"
 """Stands for a term where a constant is the system's own."""
 

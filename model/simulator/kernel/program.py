@@ -3,16 +3,13 @@
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 from torch import Tensor
 
 from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
-from model.simulator.kernel.groups import Kind
+from model.simulator.kernel.groups import Acts, Kind
 from model.simulator.kernel.layout import LANES, Incidence, Layout, Slots
 
-Acts: TypeAlias = Kind | int
-"""What a constant belongs to: a kind of edge, or the stencils of the law of that number."""
 STORAGE = 192 * 2**20
 """Bytes of states that the adjoint of a frame may hold at once; longer frames are run again in pieces."""
 
