@@ -1,8 +1,9 @@
 """The constants of a law as tensors that may be learned."""
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import torch
@@ -15,6 +16,7 @@ Over: TypeAlias = Literal["scene", "vector", "points", "springs", "controllers",
 term's own groups of points."""
 TensorLike: TypeAlias = Tensor | np.ndarray | float | tuple[float, ...]
 Values: TypeAlias = Mapping[str, Tensor]
+Own = TypeVar("Own", bound="Parametric")
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,24 @@ class Parametric(nn.Module):
             self.register_parameter(f"log_{name}", nn.Parameter(known.log(), requires_grad=False))
         else:
             self.register_parameter(name, nn.Parameter(known.clone(), requires_grad=False))
+
+    def with_values(self: Own, **values: TensorLike) -> Own:
+        """The same with other values [in the constants' units] of some constants; all else is shared.
+
+        Raises:
+            InputError: a constant that there is not, or a value that it cannot have.
+        """
+        other = copy(self)
+        other._parameters = dict(self._parameters)
+        for name, value in values.items():
+            if name not in self.constants:
+                known = ", ".join(self.constants) or "none"
+                raise InputError(f"{type(self).__name__} has no constant {name!r}: it has {known}")
+            for stored in (name, f"log_{name}"):
+                other._parameters.pop(stored, None)
+                other.__dict__.pop(stored, None)
+            other._store(name, _tensor(value), self.constants[name])
+        return other
 
     def own_size(self, over: str) -> int | None:
         """How many values a constant over `over` has, where that is for the module itself to say."""

@@ -51,3 +51,19 @@ def test_numbers_keep_their_digits_in_float64_and_do_not_widen_float32():
 def test_bad_values_are_refused(value, what):
     with pytest.raises(InputError, match=f"stiffness of Spring is {what}"):
         Spring(np.array([1.0, value]))
+
+
+def test_other_values_make_another_term_and_leave_the_first():
+    spring = Spring(np.float32([2.0, 50.0]))
+    leaf = torch.tensor([3.0, 4.0], requires_grad=True)
+    other = spring.with_values(stiffness=leaf)
+    assert other.value("stiffness") is leaf
+    assert list(other.parameters()) == []
+    assert spring.value("stiffness").tolist() == pytest.approx([2.0, 50.0])
+    back = other.with_values(stiffness=7.0)
+    assert float(back.value("stiffness").detach()) == pytest.approx(7.0)
+    assert [name for name, _ in back.named_parameters()] == ["log_stiffness"]
+    with pytest.raises(InputError, match="Spring has no constant 'damping': it has stiffness"):
+        spring.with_values(damping=1.0)
+    with pytest.raises(InputError, match="negative"):
+        spring.with_values(stiffness=-1.0)
