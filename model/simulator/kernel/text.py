@@ -37,9 +37,12 @@ class Statements:
     Args:
         outputs: What is wanted; afterwards `name` says how each is called.
         symbols: C++ text of each symbol; read once, into a variable, where an output needs it.
+        forms: How operations are written.
     """
 
-    def __init__(self, outputs: Sequence[Expression], symbols: Mapping[str, str]) -> None:
+    def __init__(
+        self, outputs: Sequence[Expression], symbols: Mapping[str, str], forms: Mapping[str, str] = FORMS
+    ) -> None:
         """Write the statements."""
         self.lines: list[str] = []
         self._names: dict[int, str] = {}
@@ -50,7 +53,7 @@ class Statements:
             if node.operation == "symbol":
                 text = symbols[str(node.value)]
             else:
-                text = FORMS[node.operation].format(*(self._names[a.number] for a in node.arguments))
+                text = forms[node.operation].format(*(self._names[a.number] for a in node.arguments))
             name = text if text.isidentifier() else f"t{node.number}"
             if name != text:
                 self.lines.append(f"const auto {name} = {text};")
