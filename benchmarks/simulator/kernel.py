@@ -1,9 +1,10 @@
-"""The compiled kernel against plain torch and NVIDIA Warp: time, memory, limits, exactness.
+"""The compiled kernel against plain torch, NVIDIA Warp, Newton and MuJoCo: time, memory, limits, exactness.
 
 Run: `python benchmarks/simulator/kernel.py [--repeats 15] [--clock cpu] [--only time frame …]`
 What a table compares is measured in turns, so that a busy machine slows all of it alike; figures are medians,
 with the quartiles of the ratio. On a machine that others use, `--clock cpu` counts only the time that the
-processor gave; the two-thread table always takes wall time. Needs `pip install warp-lang`.
+processor gave; the two-thread table always takes wall time. `none`: MuJoCo has no gradient of a step.
+Needs the `test` extra.
 """
 
 import argparse
@@ -20,6 +21,7 @@ import numpy as np
 import torch
 from kernel_warp import WarpSprings
 from oracle import scene
+from peers import NAMES, STEPS, peers
 
 from model.simulator.kernel import build
 from model.simulator.kernel.call import Interval, slot_rows
@@ -83,26 +85,26 @@ def oracle_run(simulator: Simulator, steps: int, dt: float, gradients: bool) -> 
 def time_table(repeats: int, clock: Callable[[], float]) -> None:
     """Time per substep, one thread each."""
     torch.set_num_threads(1)
+    others = ("torch", *NAMES)
     print("\n## time per substep, one thread each [us]\n")
-    print("| points / springs | pass | torch | Warp | kernel | torch/kernel | Warp/kernel |")
-    print("|---|---|---|---|---|---|---|")
+    heads = [*others, "kernel", *(f"{name}/kernel" for name in others)]
+    print("| points / springs | pass | " + " | ".join(heads) + " |\n" + "|---" * (2 + len(heads)) + "|")
+    steps = {"torch": 5, **STEPS, "kernel": 100}
     for points, springs in SIZES:
         simulator = scene(points, springs)
         for gradients in (False, True):
-            steps = {"torch": 5, "warp": 20, "kernel": 100}
-            seconds = in_turns(
-                {
-                    "torch": oracle_run(simulator, steps["torch"], DT, gradients),
-                    "warp": WarpSprings(simulator, DT, steps["warp"], gradients).run,
-                    "kernel": kernel_run(simulator, steps["kernel"], DT, gradients),
-                },
-                repeats,
-                clock,
-            )
+            runs = {
+                "torch": oracle_run(simulator, steps["torch"], DT, gradients),
+                **peers(simulator, DT, gradients),
+                "kernel": kernel_run(simulator, steps["kernel"], DT, gradients),
+            }
+            seconds = in_turns(runs, repeats, clock)
             micro = {name: 1e6 * value / steps[name] for name, value in seconds.items()}
-            middle = " | ".join(f"{np.median(micro[name]):.0f}" for name in ("torch", "warp", "kernel"))
-            ratios = " | ".join(spread(micro[name] / micro["kernel"]) for name in ("torch", "warp"))
-            print(f"| {points} / {springs} | {'fwd+bwd' if gradients else 'fwd'} | {middle} | {ratios} |")
+            cells = [f"{np.median(micro[n]):.0f}" if n in micro else "none" for n in (*others, "kernel")]
+            cells += [spread(micro[n] / micro["kernel"]) if n in micro else "none" for n in others]
+            print(
+                f"| {points} / {springs} | {'fwd+bwd' if gradients else 'fwd'} | " + " | ".join(cells) + " |"
+            )
 
 
 def frame_table(repeats: int, clock: Callable[[], float]) -> None:

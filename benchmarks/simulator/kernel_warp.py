@@ -11,7 +11,7 @@ import warp as wp
 
 from model.simulator.simulator import Simulator
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING
 wp.init()
 
 
