@@ -111,6 +111,10 @@ class Simulator(nn.Module):
         contacts[contact.name] = contact
         return self._with(self._forces(), list(contacts.values()))
 
+    def with_system(self, system: System) -> "Simulator":
+        """The same terms over another system of the same graph."""
+        return Simulator(system, self._forces(), self._contacts(), self.integrator, self.backend)
+
     def with_backend(self, backend: Backend) -> "Simulator":
         """The same simulator, its rollouts computed by `backend`."""
         return Simulator(self.system, self._forces(), self._contacts(), self.integrator, backend)

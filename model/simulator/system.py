@@ -105,6 +105,23 @@ class System(Parametric):
         """Controllers that hold a point."""
         return self.edges.node_count - self.edges.point_count
 
+    def with_values(self, **values: TensorLike) -> "System":
+        """The same points and springs with other constants, as `mass` [kg]; those not named stay."""
+        known = {name: getattr(self, name, None) for name in self.constants}
+        kept = {name: self.value(name) if value is None else value for name, value in known.items()}
+        return System(
+            points=self.points,
+            springs=self.springs,
+            controller_springs=self._held_by(),
+            controller_points=self.controller_points,
+            **{**kept, **values},
+        )
+
+    def _held_by(self) -> Tensor:
+        """The controller springs, as they were given."""
+        edges, count = self.edges, self.edges.spring_count
+        return torch.stack([edges.second[count:] - edges.point_count, edges.first[count:]], dim=1)
+
     def size(self, over: str) -> int | None:
         """How many values a constant over `over` has; None: any one number will do."""
         edges = self.edges

@@ -8,6 +8,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from model.simulator.dynamics import Dynamics
+from model.simulator.forces.base import spread
 from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State, System
 
@@ -94,7 +95,16 @@ def force_of():
     def force(term, system, state, anchors=None):
         dynamics = Dynamics(system, [term], [])
         (_, values) = dynamics.forces[0]
-        return term.force(dynamics.motion(state, anchors), values)
+        motion = dynamics.motion(state, anchors)
+        if not getattr(term, "memory", None):
+            return term.force(motion, values)
+        remembered = {
+            name: value + torch.linspace(0.01, 0.03, value.numel(), dtype=value.dtype)
+            for name, value in term.rest_memory(motion).items()
+        }
+        tension, _ = term.tension(motion, values, remembered, 1e-3)
+        pull = tension.unsqueeze(-1) * motion.over(motion.axis, term.where, dim=-2)
+        return motion.pull(spread(motion, term.where, pull))
 
     return force
 
@@ -102,6 +112,11 @@ def force_of():
 @pytest.fixture
 def rotation():
     return torch.from_numpy(Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix())
+
+
+@pytest.fixture
+def about_vertical():
+    return torch.from_numpy(Rotation.from_rotvec([0.0, 0.0, 0.8]).as_matrix())
 
 
 @pytest.fixture(params=["torch", "auto"])

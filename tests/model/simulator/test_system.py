@@ -56,3 +56,12 @@ def test_terms_must_fit_the_system():
         Simulator(build(), [Spring(torch.ones(7))])
     with pytest.raises(InputError, match=r"gravity of gravity has shape \[\]: give 3 numbers"):
         Simulator(build(), [Gravity(9.81)])
+
+
+def test_other_constants_over_the_same_graph(system):
+    heavier = system.with_values(mass=2.0 * system.value("mass"))
+    torch.testing.assert_close(heavier.value("mass"), 2.0 * system.value("mass"))
+    torch.testing.assert_close(heavier.value("rest_length"), system.value("rest_length"))
+    for name in ("first", "second"):
+        torch.testing.assert_close(getattr(heavier.edges, name), getattr(system.edges, name))
+    assert heavier.controller_count == system.controller_count

@@ -4,14 +4,17 @@ import pytest
 import torch
 from torch.autograd import gradcheck
 
+from model.gap.effects import ALL_EFFECTS
 from model.simulator.dynamics import Dynamics
 from model.simulator.forces import ALL_FORCES
-from model.simulator.forces.base import AxialForce, arguments
+from model.simulator.forces.base import AxialForce, ForceTerm, arguments
 from model.simulator.parameters import Constant
 from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State
 
-every_force = pytest.mark.parametrize("kind", ALL_FORCES, ids=lambda kind: kind.name)
+EFFECTS = {term.name: term for effect in ALL_EFFECTS for term in effect.terms if issubclass(term, ForceTerm)}
+TERMS = tuple({**EFFECTS, **{kind.name: kind for kind in ALL_FORCES}}.values())
+every_force = pytest.mark.parametrize("kind", TERMS, ids=lambda kind: kind.name)
 
 
 @every_force
@@ -35,13 +38,18 @@ def test_internal_forces_have_no_net_force_and_no_torque(kind, make, force_of, f
 
 
 @every_force
-def test_turns_with_the_world(kind, make, force_of, system, state, anchors, rotation):
+def test_turns_with_the_world(kind, make, force_of, system, state, anchors, rotation, about_vertical):
     term = make(kind, system)
+    if "height" in kind.constants:  # the ground turns about the vertical alone
+        rotation = about_vertical
     turned = State(state.positions @ rotation.T, state.velocities @ rotation.T)
     held = Anchors(anchors.positions @ rotation.T, anchors.velocities @ rotation.T)
     before = force_of(term, system, state, anchors)
     if "gravity" in kind.constants:  # its direction is part of the world
         term = kind(term.value("gravity") @ rotation.T)
+    if "x" in kind.constants:  # so is that of the wind
+        x, y, z = rotation @ torch.stack([term.value(axis) for axis in "xyz"])
+        term = kind(term.stencils, term.value("coefficient"), x, y, z)
     after = force_of(term, system, turned, held)
     assert before.norm() > 0.1
     torch.testing.assert_close(after, before @ rotation.T, rtol=1e-10, atol=1e-12 * float(before.norm()))
@@ -55,7 +63,7 @@ def test_is_minus_the_gradient_of_its_energy(kind, make, force_of, system, state
     motion = dynamics.motion(State(place, state.velocities), anchors)
     energy = term.energy(motion, dynamics.forces[0][1])
     if energy is None:
-        assert kind.dissipative
+        assert kind.dissipative or getattr(kind, "memory", None) or "x" in kind.constants
         return
     (gradient,) = torch.autograd.grad(energy, place)
     torch.testing.assert_close(-gradient, force_of(term, system, state, anchors), rtol=1e-9, atol=1e-9)

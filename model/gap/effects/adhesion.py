@@ -1,0 +1,79 @@
+"""A ground that holds what leaves it."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import torch
+from jaxtyping import Int
+from torch import Tensor
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, no_ground, on_points
+from model.gap.world import World
+from model.simulator.forces.base import Scalar
+from model.simulator.forces.stencil import StencilForce
+from model.simulator.forces.vectors import Vector
+from model.simulator.parameters import Constant, TensorLike
+
+
+class Adhesion(StencilForce):
+    r"""A pull towards the ground that acts near it, $f_z = -F\,(h/r)\,e^{1 - h/r}$ at the height h > 0.
+
+    Its energy is $-F\,e\,(h + r)\,e^{-h/r}$: what it takes to tear a point off is $F\,e\,r$.
+
+    Args:
+        stencils: The points that may stick, shape [count, 1].
+        pull: F [N], the largest pull.
+        reach: r [m], the height at which it is largest.
+        height: z of the ground [m].
+
+    Reference:
+        Maugis (1992), Adhesion of spheres: the JKR-DMT transition using a Dugdale model, Journal of colloid
+        and interface science 150 (a pull over a short reach with a given work), in a smooth form.
+    """
+
+    name = "adhesion"
+    size = 1
+    constants: ClassVar[Mapping[str, Constant]] = {
+        "pull": Constant("N", "stencils", (1.0, 20.0)),
+        "reach": Constant("m", "scene", (0.02, 0.05)),
+        "height": Constant("m", "scene", (-0.2, -0.1), positive=False),
+    }
+
+    def __init__(
+        self, stencils: Int[Tensor, "..."], pull: TensorLike, reach: TensorLike, height: TensorLike
+    ) -> None:
+        """See the class."""
+        super().__init__(stencils, pull=pull, reach=reach, height=height)
+
+    @staticmethod
+    def potential(positions: tuple[Vector, ...], pull: Scalar, reach: Scalar, height: Scalar) -> Scalar:
+        """Energy [J]; level below the ground."""
+        above = torch.relu(positions[0][2] - height)
+        return -pull * (above + reach) * torch.exp(1.0 - above / reach)
+
+
+class GroundAdhesion(Effect):
+    """The ground pulls at points that leave it."""
+
+    name = "adhesion"
+    source = Adhesion.__doc__ or ""
+    acts = "ground"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "pull_per_mass": Quantity("m/s²", (0.1, 500.0), 10.0, log=True),
+        "reach": Quantity("m", (0.001, 0.03), 0.005, log=True),
+    }
+    absent: ClassVar[Mapping[str, float]] = {"pull_per_mass": 0.0}
+    terms = (Adhesion,)
+    confused_with: ClassVar[Mapping[str, str]] = {"static_friction": "lift it straight up"}
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return no_ground(world)
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Make the ground sticky."""
+        assert world.ground_height is not None
+        share = on_points(world, where) * mass_of(world)
+        points = torch.arange(len(share)).unsqueeze(-1)
+        pull = values["pull_per_mass"] * share.to(values["pull_per_mass"])
+        return world.with_force(Adhesion(points, pull, values["reach"], world.ground_height))

@@ -1,0 +1,85 @@
+"""A material that is stiffer one way than another."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import torch
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.world import World
+from model.simulator.forces.base import AxialForce, Scalar
+from model.simulator.parameters import Constant, TensorLike
+
+
+class FibreSpring(AxialForce):
+    r"""What springs along the fibres pull more: $f = k\,\alpha\cos^2\theta\,(|d| - L)$.
+
+    Args:
+        stiffness: k [N/m] of the linear spring, shape [spring_count].
+        alignment: $\cos^2\theta$ [1] of the angle between spring and fibres at rest, shape [spring_count].
+        excess: $\alpha$ [1].
+
+    Reference:
+        Holzapfel, Gasser and Ogden (2000), A new constitutive framework for arterial wall mechanics, Journal
+        of Elasticity 61 (a fibre term beside an isotropic one), for springs and small strains.
+    """
+
+    name = "anisotropy"
+    internal = central = True
+    constants: ClassVar[Mapping[str, Constant]] = {
+        "stiffness": Constant("N/m", "springs", (1.0, 1e5)),
+        "alignment": Constant("1", "springs", (0.0, 1.0)),
+        "excess": Constant("1", "scene", (0.0, 5.0)),
+    }
+
+    def __init__(self, stiffness: TensorLike, alignment: TensorLike, excess: TensorLike) -> None:
+        """See the class."""
+        super().__init__(stiffness=stiffness, alignment=alignment, excess=excess)
+
+    @staticmethod
+    def law(
+        length: Scalar, rest_length: Scalar, stiffness: Scalar, alignment: Scalar, excess: Scalar
+    ) -> Scalar:
+        """Tension [N]."""
+        return stiffness * alignment * excess * (length - rest_length)
+
+    @staticmethod
+    def potential(
+        length: Scalar, rest_length: Scalar, stiffness: Scalar, alignment: Scalar, excess: Scalar
+    ) -> Scalar:
+        """Energy [J]."""
+        return 0.5 * stiffness * alignment * excess * (length - rest_length) ** 2
+
+
+class Anisotropy(Effect):
+    """Fibres through the rest shape, all in one direction, make it stiffer along them."""
+
+    name = "anisotropy"
+    source = FibreSpring.__doc__ or ""
+    acts = "body"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "excess": Quantity("1", (0.02, 20.0), 0.7, log=True),
+        "azimuth": Quantity("rad", (-3.2, 3.2), 0.4),
+        "elevation": Quantity("rad", (-1.6, 1.6), 0.1),
+    }
+    absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
+    terms = (FibreSpring,)
+    confused_with: ClassVar[Mapping[str, str]] = {
+        "strain_stiffening": "stretch along two axes",
+        "volume_preservation": "squeeze it between two fingers",
+    }
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return no_springs(world)
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Stiffen the springs along the fibres."""
+        azimuth, elevation = values["azimuth"], values["elevation"]
+        level = torch.cos(elevation)
+        fibre = torch.stack([level * torch.cos(azimuth), level * torch.sin(azimuth), torch.sin(elevation)])
+        ends = world.system.points[world.system.springs].to(fibre)
+        way = ends[:, 1] - ends[:, 0]
+        along = (way @ fibre) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
+        share = on_springs(world, where).to(fibre)
+        return world.with_force(FibreSpring(spring_stiffness(world), along * share, values["excess"]))

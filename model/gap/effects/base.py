@@ -1,0 +1,112 @@
+"""What a missing effect is: physics that a plain twin lacks, as a change of its world."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Literal, TypeAlias
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from model.gap.world import World
+from model.simulator.contacts.base import ContactTerm
+from model.simulator.forces.base import ForceTerm
+from model.simulator.forces.spring import Spring
+
+Values: TypeAlias = Mapping[str, Tensor]
+"""One scalar tensor for each quantity of an effect."""
+Field: TypeAlias = Float[Tensor, " P"]
+"""How strongly an effect acts on each mass point, 0..1."""
+Acts: TypeAlias = Literal["body", "surroundings", "grip", "hand", "ground"]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter of an effect."""
+
+    unit: str
+    bounds: tuple[float, float]
+    """What a fit stays within; beyond it the value is absurd."""
+    start: float
+    """Where a fit starts."""
+    log: bool = False
+    """Spans decades, so that a fit moves its logarithm."""
+
+
+class Effect(ABC):
+    """Physics that a plain twin lacks.
+
+    One file each; `ALL_EFFECTS` lists them. At `absent` the world it makes moves as the one it was given.
+    """
+
+    name: ClassVar[str]
+    source: ClassVar[str]
+    """The law and where it is from."""
+    acts: ClassVar[Acts]
+    """On what: the material, what is around it, the grip, the motion of the hand, the ground."""
+    quantities: ClassVar[Mapping[str, Quantity]]
+    absent: ClassVar[Mapping[str, float]]
+    """Values of some quantities at which nothing is different."""
+    terms: ClassVar[tuple[type[ForceTerm] | type[ContactTerm], ...]] = ()
+    """What it adds to a simulator; the property tests hold them to what they claim."""
+    confused_with: ClassVar[Mapping[str, str]] = {}
+    """Effects that look alike, and the motion that tells them apart."""
+
+    @abstractmethod
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """The world with this effect.
+
+        Args:
+            world: Without it.
+            values: One scalar for each of `quantities`; gradients flow to them.
+            where: How strongly it acts on each mass point, 0..1; None: on all alike.
+        """
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act in this world, or None if it can."""
+        return None
+
+    def strength(self, world: World, values: Values, where: Field | None = None) -> Field:
+        """How strongly it acts on each mass point, 0..1, as a report shows it."""
+        return on_points(world, where)
+
+
+def on_points(world: World, where: Field | None) -> Field:
+    """The field, which is 1 everywhere where none is given."""
+    count = len(world.system.points)
+    return torch.ones(count, dtype=torch.float64) if where is None else where.to(torch.float64)
+
+
+def on_springs(world: World, where: Field | None) -> Float[Tensor, " E"]:
+    """The field on springs: the mean of their two ends."""
+    field: Tensor = on_points(world, where)[world.system.springs].mean(-1)
+    return field
+
+
+def spring_stiffness(world: World) -> Float[Tensor, " E"]:
+    """Stiffness of every spring [N/m], on the graph of what it depends on."""
+    spring = world.simulator.force("spring")
+    assert isinstance(spring, Spring)
+    return spring.value("stiffness").expand(len(world.system.springs))
+
+
+def mass_of(world: World) -> Float[Tensor, " P"]:
+    """Mass of every point [kg], on the graph of what it depends on."""
+    return world.system.value("mass").expand(len(world.system.points))
+
+
+def no_ground(world: World) -> str | None:
+    """Why an effect of the ground cannot act."""
+    return "there is no ground" if world.ground_height is None else None
+
+
+def no_springs(world: World) -> str | None:
+    """Why an effect of the material cannot act."""
+    return None if len(world.system.springs) else "there are no springs"
+
+
+def no_grip(world: World) -> str | None:
+    """Why an effect of the grip cannot act."""
+    held = len(world.system.edges) - world.system.edges.spring_count
+    return None if held and world.controls is not None else "nothing is held"

@@ -1,0 +1,51 @@
+"""A material that resists being bent."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+import torch
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, on_points
+from model.gap.structure import rows, spans, turns
+from model.gap.world import World
+from model.simulator.forces.bending import Bending
+
+
+class BendingStiffness(Effect):
+    """Every row of points bends like an elastic rod that is unloaded in the rest shape."""
+
+    name = "bending_stiffness"
+    source = Bending.__doc__ or ""
+    acts = "body"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "bending_stiffness": Quantity("N·m²", (1e-8, 1.0), 1e-4, log=True)
+    }
+    absent: ClassVar[Mapping[str, float]] = {"bending_stiffness": 0.0}
+    terms = (Bending,)
+    confused_with: ClassVar[Mapping[str, str]] = {
+        "tension_only": "let it stick out over an edge",
+        "volume_preservation": "bend it without squeezing it",
+    }
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return None if len(_rows(world)) else "no three points are in a row"
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Make every row a rod."""
+        triples = _rows(world)
+        points = world.system.points.double().numpy()
+        share = on_points(world, where)[torch.from_numpy(triples[:, 1])]
+        return world.with_force(
+            Bending(
+                torch.from_numpy(triples),
+                bending_stiffness=values["bending_stiffness"] * share.to(values["bending_stiffness"]),
+                span=spans(points, triples),
+                rest_turn=turns(points, triples),
+            )
+        )
+
+
+def _rows(world: World) -> np.ndarray:
+    return rows(world.system.points.double().numpy(), world.system.springs.numpy())

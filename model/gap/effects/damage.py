@@ -1,0 +1,87 @@
+"""A material that has been stretched is softer after it."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import torch
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.world import World
+from model.simulator.forces.base import AxialForce, Scalar
+from model.simulator.parameters import Constant, TensorLike
+
+
+class DamagedSpring(AxialForce):
+    r"""What a damaged spring lacks.
+
+    $f = -k\,(|d| - L)\,\alpha\,m/(m + s)$, with m the largest strain that the spring has seen.
+
+    Args:
+        stiffness: k [N/m] of the linear spring, shape [spring_count].
+        share: How strongly it acts on each spring [1], shape [spring_count].
+        softening: $\alpha$ [1]: the share of the stiffness that can be lost.
+        damage_strain: s [1], at which half of that is lost.
+
+    Reference:
+        Mullins (1969), Softening of rubber by deformation, Rubber chemistry and technology 42 (the stress
+        depends on the largest strain before); Simo (1987), a strain-driven damage variable.
+    """
+
+    name = "damage"
+    internal = central = True
+    constants: ClassVar[Mapping[str, Constant]] = {
+        "stiffness": Constant("N/m", "springs", (1.0, 1e5)),
+        "share": Constant("1", "springs", (0.0, 1.0)),
+        "softening": Constant("1", "scene", (0.0, 0.9)),
+        "damage_strain": Constant("1", "scene", (0.02, 0.3)),
+    }
+    memory: ClassVar[Mapping[str, float]] = {"largest_strain": 0.0}
+
+    def __init__(
+        self, stiffness: TensorLike, share: TensorLike, softening: TensorLike, damage_strain: TensorLike
+    ) -> None:
+        """See the class."""
+        super().__init__(stiffness=stiffness, share=share, softening=softening, damage_strain=damage_strain)
+
+    @staticmethod
+    def law(
+        length: Scalar,
+        rest_length: Scalar,
+        stiffness: Scalar,
+        share: Scalar,
+        softening: Scalar,
+        damage_strain: Scalar,
+        largest_strain: Scalar,
+    ) -> tuple[Scalar, Scalar]:
+        """What the tension loses [N], and the largest strain so far."""
+        largest = torch.maximum(largest_strain, length / rest_length - 1.0)
+        lost = share * softening * largest / (largest + damage_strain)
+        return -stiffness * lost * (length - rest_length), largest
+
+
+class Damage(Effect):
+    """Springs soften by the largest stretch they have seen."""
+
+    name = "damage"
+    source = DamagedSpring.__doc__ or ""
+    acts = "body"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "softening": Quantity("1", (0.0, 0.95), 0.3),
+        "damage_strain": Quantity("1", (0.005, 0.5), 0.05, log=True),
+    }
+    absent: ClassVar[Mapping[str, float]] = {"softening": 0.0}
+    terms = (DamagedSpring,)
+    confused_with: ClassVar[Mapping[str, str]] = {
+        "plasticity": "stretch to the same length again",
+        "viscoelasticity": "repeat the stretch after a long rest",
+        "strain_stiffening": "stretch up and down a staircase",
+    }
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return no_springs(world)
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Take away what damage takes."""
+        share = on_springs(world, where)
+        return world.with_force(DamagedSpring(spring_stiffness(world), share, **values))

@@ -1,0 +1,38 @@
+"""Gravity that is not where the world frame says it is."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import torch
+
+from model.gap.effects.base import Effect, Field, Quantity, Values
+from model.gap.world import World
+from model.simulator.forces.gravity import Gravity
+
+
+class GravityTilt(Effect):
+    """The direction of gravity differs from what was said, its size does not."""
+
+    name = "gravity_tilt"
+    source = Gravity.__doc__ or ""
+    acts = "surroundings"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "about_x": Quantity("rad", (-0.5, 0.5), 0.02),
+        "about_y": Quantity("rad", (-0.5, 0.5), 0.02),
+    }
+    absent: ClassVar[Mapping[str, float]] = {"about_x": 0.0, "about_y": 0.0}
+    terms = (Gravity,)
+    confused_with: ClassVar[Mapping[str, str]] = {"wind": "turn the set-up about the vertical"}
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return None if bool(world.gravity.any()) else "there is no gravity"
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Turn gravity about x, then about y."""
+        x, y, z = world.gravity.to(values["about_x"]).unbind()
+        sine, cosine = torch.sin(values["about_x"]), torch.cos(values["about_x"])
+        y, z = cosine * y - sine * z, sine * y + cosine * z
+        sine, cosine = torch.sin(values["about_y"]), torch.cos(values["about_y"])
+        x, z = cosine * x + sine * z, -sine * x + cosine * z
+        return world.with_force(Gravity(torch.stack([x, y, z])))

@@ -1,0 +1,57 @@
+"""A body that is heavier in one place."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import torch
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, on_points
+from model.gap.world import World
+from model.simulator.system import System
+
+
+class MassHeterogeneity(Effect):
+    """Points near a centre have more mass than was assumed, fading as a Gaussian of the distance at rest."""
+
+    name = "mass_heterogeneity"
+    source = r"""Mass of a point, $m_i\,(1 + \delta\,e^{-r_i^2 / 2\sigma^2})$; with its inertia and weight.
+
+    Reference:
+        Newton (1687), Philosophiae naturalis principia mathematica, law 2 and book 3, proposition 6.
+    """
+    acts = "body"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "excess": Quantity("1", (0.02, 50.0), 1.0, log=True),
+        "x": Quantity("1", (-0.1, 1.1), 0.5),
+        "y": Quantity("1", (-0.1, 1.1), 0.5),
+        "z": Quantity("1", (-0.1, 1.1), 0.5),
+        "radius": Quantity("1", (0.05, 0.5), 0.25, log=True),
+    }
+    absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
+    confused_with: ClassVar[Mapping[str, str]] = {
+        "wind": "shake it",
+        "gravity_tilt": "shake it",
+        "anisotropy": "shake it, and hold it still",
+    }
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Load the points around the centre; x, y, z are shares of the box around the rest shape."""
+        more = values["excess"] * self._near(world, values, where)
+        mass = mass_of(world).to(more) * (1.0 + more)
+
+        def loaded(system: System) -> System:
+            return system.with_values(mass=mass)
+
+        return world.with_system(loaded)
+
+    def strength(self, world: World, values: Values, where: Field | None = None) -> Field:
+        """Where the load is."""
+        return self._near(world, values, where).detach().to(torch.float64)
+
+    def _near(self, world: World, values: Values, where: Field | None) -> Field:
+        points = world.system.points.to(values["x"])
+        low, high = points.amin(0), points.amax(0)
+        size = (high - low).norm()
+        centre = low + (high - low) * torch.stack([values["x"], values["y"], values["z"]])
+        apart = ((points - centre) ** 2).sum(-1) / (values["radius"] * size) ** 2
+        return torch.exp(-0.5 * apart) * on_points(world, where).to(apart)

@@ -1,0 +1,89 @@
+"""A material that does not come back."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+import torch
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.world import World
+from model.simulator.forces.base import AxialForce, Scalar
+from model.simulator.parameters import Constant, TensorLike
+
+
+class PlasticSpring(AxialForce):
+    r"""A rest length that flows, by a strain p.
+
+    $f = -k\,L\,p$ with $\dot p = r\,\mathrm{sgn}(e)\max(0, |e| - \varepsilon_y)$, $e = |d|/L - 1 - p$.
+
+    Args:
+        stiffness: k [N/m] of the linear spring, shape [spring_count].
+        share: How strongly it acts on each spring [1], shape [spring_count].
+        flow_rate: r [1/s]; the faster, the nearer to perfect plasticity.
+        yield_strain: $\varepsilon_y$ [1].
+
+    Reference:
+        Perzyna (1966), Fundamental problems in viscoplasticity, Advances in applied mechanics 9 (overstress
+        flow), for one axis.
+    """
+
+    name = "plasticity"
+    internal = central = True
+    constants: ClassVar[Mapping[str, Constant]] = {
+        "stiffness": Constant("N/m", "springs", (1.0, 1e5)),
+        "share": Constant("1", "springs", (0.0, 1.0)),
+        "flow_rate": Constant("1/s", "scene", (0.0, 100.0)),
+        "yield_strain": Constant("1", "scene", (0.01, 0.05)),
+    }
+    memory: ClassVar[Mapping[str, float]] = {"plastic_strain": 0.0}
+
+    def __init__(
+        self, stiffness: TensorLike, share: TensorLike, flow_rate: TensorLike, yield_strain: TensorLike
+    ) -> None:
+        """See the class."""
+        super().__init__(stiffness=stiffness, share=share, flow_rate=flow_rate, yield_strain=yield_strain)
+
+    @staticmethod
+    def law(
+        length: Scalar,
+        rest_length: Scalar,
+        stiffness: Scalar,
+        share: Scalar,
+        flow_rate: Scalar,
+        yield_strain: Scalar,
+        plastic_strain: Scalar,
+        dt: Scalar,
+    ) -> tuple[Scalar, Scalar]:
+        """What the tension loses [N], and the plastic strain after `dt`."""
+        elastic = length / rest_length - 1.0 - plastic_strain
+        over = torch.relu(elastic - yield_strain) - torch.relu(-elastic - yield_strain)
+        flowed = (1.0 - torch.exp(-flow_rate * dt)) * share * over
+        return -stiffness * rest_length * plastic_strain, plastic_strain + flowed
+
+
+class Plasticity(Effect):
+    """Springs strained beyond a yield strain stay longer or shorter."""
+
+    name = "plasticity"
+    source = PlasticSpring.__doc__ or ""
+    acts = "body"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "flow_rate": Quantity("1/s", (0.02, 100.0), 3.0, log=True),
+        "yield_strain": Quantity("1", (0.001, 0.5), 0.03, log=True),
+    }
+    absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0}
+    terms = (PlasticSpring,)
+    confused_with: ClassVar[Mapping[str, str]] = {
+        "viscoelasticity": "let go, and wait long enough for it to come back",
+        "damage": "stretch to the same length again",
+        "grip_slip": "grip it again",
+    }
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return no_springs(world)
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Let the rest lengths flow."""
+        share = on_springs(world, where)
+        return world.with_force(PlasticSpring(spring_stiffness(world), share, **values))

@@ -1,0 +1,81 @@
+"""A material that stiffens as it is strained."""
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.world import World
+from model.simulator.forces.base import AxialForce, Scalar
+from model.simulator.parameters import Constant, TensorLike
+
+
+class CubicSpring(AxialForce):
+    r"""What a spring pulls more than a linear one.
+
+    $f = k\,\alpha\,L\,\varepsilon^3$, with $\varepsilon = |d|/L - 1$.
+
+    Args:
+        stiffness: k [N/m] of the linear spring, shape [spring_count].
+        share: How strongly it acts on each spring [1], shape [spring_count].
+        stiffening: $\alpha$ [1].
+
+    Reference:
+        Fung (1993), Biomechanics: Mechanical properties of living tissues, chapter 7 (soft tissue stiffens
+        with strain); the cubic term is the first of the odd series.
+    """
+
+    name = "strain_stiffening"
+    internal = central = True
+    constants: ClassVar[Mapping[str, Constant]] = {
+        "stiffness": Constant("N/m", "springs", (1.0, 1e5)),
+        "share": Constant("1", "springs", (0.0, 1.0)),
+        "stiffening": Constant("1", "scene", (0.0, 300.0)),
+    }
+
+    def __init__(self, stiffness: TensorLike, share: TensorLike, stiffening: TensorLike) -> None:
+        """See the class."""
+        super().__init__(stiffness=stiffness, share=share, stiffening=stiffening)
+
+    @staticmethod
+    def law(
+        length: Scalar, rest_length: Scalar, stiffness: Scalar, share: Scalar, stiffening: Scalar
+    ) -> Scalar:
+        """Tension [N]."""
+        strain = length / rest_length - 1.0
+        return stiffness * share * stiffening * rest_length * strain**3
+
+    @staticmethod
+    def potential(
+        length: Scalar, rest_length: Scalar, stiffness: Scalar, share: Scalar, stiffening: Scalar
+    ) -> Scalar:
+        """Energy [J]."""
+        strain = length / rest_length - 1.0
+        return 0.25 * stiffness * share * stiffening * rest_length**2 * strain**4
+
+
+class StrainStiffening(Effect):
+    """The springs stiffen with strain, in tension and in compression alike."""
+
+    name = "strain_stiffening"
+    source = CubicSpring.__doc__ or ""
+    acts = "body"
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        "stiffening": Quantity("1", (0.1, 2000.0), 20.0, log=True)
+    }
+    absent: ClassVar[Mapping[str, float]] = {"stiffening": 0.0}
+    terms = (CubicSpring,)
+    confused_with: ClassVar[Mapping[str, str]] = {
+        "damage": "stretch up and down a staircase",
+        "anisotropy": "stretch along two axes",
+        "tension_only": "stretch without folding",
+    }
+
+    def unable(self, world: World) -> str | None:
+        """Why it cannot act."""
+        return no_springs(world)
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Add the cubic part to every spring."""
+        return world.with_force(
+            CubicSpring(spring_stiffness(world), on_springs(world, where), values["stiffening"])
+        )

@@ -1,0 +1,86 @@
+"""What the rest shape of a spring graph holds besides springs: rows of points, and cells of volume."""
+
+import itertools
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial import Delaunay, QhullError
+
+from model.types import Array
+
+STRAIGHTEST = np.cos(np.deg2rad(30.0))
+"""Two springs that meet make a row where they turn by less than this."""
+LONGEST = 2.0
+"""Longest side of a cell, in spacings."""
+FLATTEST = 0.02
+"""Least volume of a cell, in cubed spacings: a regular tetrahedron has 0.118."""
+
+
+def rows(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[Array, "S 3"]:
+    """Triples of points in a row, the middle one second.
+
+    Each spring end is continued by the spring that goes on most nearly straight, if any does so within 30°.
+
+    Args:
+        points: At rest [m].
+        springs: Pairs of points.
+    """
+    if not len(springs):
+        return np.zeros((0, 3), np.int64)
+    ends = np.concatenate([springs, springs[:, ::-1]])
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    middle, other = ends[order, 0], ends[order, 1]
+    way = points[other] - points[middle]
+    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+    found: set[tuple[int, int, int]] = set()
+    starts = np.searchsorted(middle, np.arange(len(points) + 1))
+    for begin, end in itertools.pairwise(starts):
+        if end - begin < 2:
+            continue
+        facing = -(way[begin:end] @ way[begin:end].T)
+        best = facing.argmax(axis=1)
+        for i in np.flatnonzero(facing.max(axis=1) >= STRAIGHTEST):
+            pair = sorted((int(other[begin + i]), int(other[begin + best[i]])))
+            found.add((pair[0], int(middle[begin]), pair[1]))
+    return np.array(sorted(found), np.int64).reshape(-1, 3)
+
+
+def turns(points: Float64[Array, "N 3"], triples: Int64[Array, "S 3"]) -> Float64[Array, " S"]:
+    """By how much each row turns at rest, 2 tan(θ/2)."""
+    before = points[triples[:, 1]] - points[triples[:, 0]]
+    after = points[triples[:, 2]] - points[triples[:, 1]]
+    across = np.linalg.norm(np.cross(before, after), axis=1)
+    along = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1) + (before * after).sum(1)
+    turned: Float64[Array, " S"] = 2.0 * across / along
+    return turned
+
+
+def spans(points: Float64[Array, "N 3"], triples: Int64[Array, "S 3"]) -> Float64[Array, " S"]:
+    """Length of each row's two pieces together at rest [m]."""
+    before = np.linalg.norm(points[triples[:, 1]] - points[triples[:, 0]], axis=1)
+    after = np.linalg.norm(points[triples[:, 2]] - points[triples[:, 1]], axis=1)
+    length: Float64[Array, " S"] = before + after
+    return length
+
+
+def cells(points: Float64[Array, "N 3"], spacing: float) -> tuple[Int64[Array, "S 4"], Float64[Array, " S"]]:
+    """Tetrahedra between neighbouring points, and their volumes [m³]; none in what is flat or thin.
+
+    Args:
+        points: At rest [m].
+        spacing: Usual distance of neighbours [m].
+    """
+    nothing = np.zeros((0, 4), np.int64), np.zeros(0)
+    if len(points) < 5:
+        return nothing
+    try:
+        corners = Delaunay(points).simplices.astype(np.int64)
+    except QhullError:  # all in one plane
+        return nothing
+    sides = points[corners[:, 1:]] - points[corners[:, :1]]
+    volume = np.einsum("si,si->s", sides[:, 0], np.cross(sides[:, 1], sides[:, 2])) / 6.0
+    corners[volume < 0] = corners[volume < 0][:, [0, 2, 1, 3]]
+    apart = np.linalg.norm(points[corners][:, :, None] - points[corners][:, None], axis=-1)
+    kept = (apart.max((1, 2)) <= LONGEST * spacing) & (np.abs(volume) >= FLATTEST * spacing**3)
+    order = np.lexsort(corners[kept].T)
+    return corners[kept][order], np.abs(volume)[kept][order]

@@ -1,0 +1,106 @@
+"""What is compared with an observation: a simulator, what the hand does, and which points are seen."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64, Int
+from torch import Tensor
+
+from model.simulator.contacts.base import ContactTerm
+from model.simulator.forces.base import ForceTerm
+from model.simulator.forces.gravity import Gravity
+from model.simulator.simulator import Rollout, Simulator
+from model.simulator.system import State, System
+from model.types import Array
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Which places of the object are seen: each is a weighted mean of mass points."""
+
+    index: Int[Tensor, "N k"]
+    weight: Float[Tensor, "N k"]
+    """Sums to 1 over k."""
+
+    def __call__(self, points: Float[Tensor, "*b P 3"]) -> Float[Tensor, "*b N 3"]:
+        """The seen places [m] of mass points at `points` [m]."""
+        corners = points[..., self.index, :]
+        seen: Tensor = (self.weight.unsqueeze(-1) * corners).sum(-2)
+        return seen
+
+    def spread(self, values: Float[Tensor, " P"]) -> Float[Tensor, " N"]:
+        """One number for each mass point as one for each seen place."""
+        spread: Tensor = (self.weight * values[self.index]).sum(-1)
+        return spread
+
+
+@dataclass(frozen=True)
+class World:
+    """A twin as a diagnosis sees it. Effects make a new one of it; nothing changes one."""
+
+    simulator: Simulator
+    sight: Sight
+    times: Float64[Array, " T"]
+    """Of the frames [s]."""
+    controls: Float[Tensor, "T C 3"] | None = None
+    """What the hand is said to do [m]."""
+    ground_height: float | None = None
+    """[m]."""
+
+    @property
+    def system(self) -> System:
+        """What moves."""
+        return self.simulator.system
+
+    @property
+    def gravity(self) -> Float[Tensor, "3"]:
+        """[m/s²]; zero where no gravity acts."""
+        if "gravity" not in self.simulator.forces:
+            return torch.zeros(3, dtype=torch.float64)
+        term = self.simulator.force("gravity")
+        assert isinstance(term, Gravity)
+        return term.value("gravity").detach()
+
+    @property
+    def spacing(self) -> float:
+        """Median rest length of the springs [m]."""
+        return float(self.system.value("rest_length").detach().expand(len(self.system.springs)).median())
+
+    def with_force(self, force: ForceTerm) -> "World":
+        """The same world with a force more, or in place of the one of its name."""
+        return replace(self, simulator=self.simulator.with_force(force))
+
+    def with_contact(self, contact: ContactTerm) -> "World":
+        """The same world with a contact more, or in place of the one of its name."""
+        return replace(self, simulator=self.simulator.with_contact(contact))
+
+    def with_system(self, change: Callable[[System], System]) -> "World":
+        """The same laws over another system of the same graph."""
+        return replace(self, simulator=self.simulator.with_system(change(self.system)))
+
+    def rollout(
+        self,
+        state: State | None = None,
+        first: int = 0,
+        last: int | None = None,
+        substeps: int | None = None,
+    ) -> Rollout:
+        """Move from frame `first` to frame `last`, both included.
+
+        Args:
+            state: At frame `first`; None: at rest.
+            first: Frame to start from.
+            last: Frame to end with; None: the last there is.
+            substeps: Per frame; None: as many as stability asks for.
+        """
+        last = len(self.times) - 1 if last is None else last
+        held = None if self.controls is None else self.controls[first : last + 1]
+        return self.simulator.rollout(
+            state,
+            held,
+            times=np.asarray(self.times[first : last + 1]),
+            substeps=substeps,
+            checkpoint=True,
+        )
