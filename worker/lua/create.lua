@@ -1,0 +1,43 @@
+-- ARGV: id, tenant, kind, queue, digest, idempotency key, seconds it is kept, most queued, most active of the
+-- tenant, then field, value, ... of the record. → {what happened, id}
+local id, tenant, kind, queue, digest, key = ARGV[1], ARGV[2], ARGV[3], ARGV[4], ARGV[5], ARGV[6]
+if redis.call('EXISTS', job(id)) == 1 then return {'created', id} end  -- the answer to the first call was lost
+local key_key = P .. 'idempotency:' .. tenant .. ':' .. key
+if key ~= '' then
+  local seen = redis.call('GET', key_key)
+  if seen then
+    local seen_id, seen_digest = string.match(seen, '^(%S+) (%S*)$')
+    if redis.call('EXISTS', job(seen_id)) == 1 then
+      if seen_digest ~= digest then return {'conflict', seen_id} end
+      return {'known', seen_id}
+    end
+  end
+end
+local function remember(known)
+  if key ~= '' then redis.call('SET', key_key, known .. ' ' .. digest, 'EX', ARGV[7]) end
+end
+local digest_key = P .. 'digest:' .. tenant .. ':' .. digest
+if digest ~= '' then
+  local known = redis.call('GET', digest_key)
+  if known and redis.call('EXISTS', job(known)) == 1 then
+    remember(known)
+    return {'known', known}
+  end
+end
+if redis.call('ZCARD', P .. 'queued:' .. queue) >= tonumber(ARGV[8]) then return {'full', ''} end
+if redis.call('SCARD', P .. 'active:' .. tenant .. ':' .. kind) >= tonumber(ARGV[9]) then return {'busy', ''} end
+local fields = {}
+for i = 10, #ARGV do fields[#fields + 1] = ARGV[i] end
+local at = now()
+redis.call('HSET', job(id), unpack(fields))
+redis.call('HSET', job(id), 'status', 'queued', 'stage', '', 'progress', '0', 'attempt', '0', 'crashes', '0',
+  'created_at', text(at))
+add(id, queue, tenant, kind, at)
+local parent = get(id, 'parent')
+if parent and parent ~= '' then redis.call('SADD', P .. 'children:' .. parent, id) end
+redis.call('ZREM', P .. 'garbage', files_of(id))
+if digest ~= '' then redis.call('SET', digest_key, id) end
+remember(id)
+count(kind, 'accepted')
+event(id)
+return {'created', id}

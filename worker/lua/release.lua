@@ -1,0 +1,4 @@
+-- ARGV: id, attempt, delay [s], whether it crashed (1, 0), most crashes, error after those. → new status, or nil.
+local id = ARGV[1]
+if not holds(id, ARGV[2]) then return nil end
+return release(id, tonumber(ARGV[3]), ARGV[4] == '1', tonumber(ARGV[5]), ARGV[6])
