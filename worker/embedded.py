@@ -1,16 +1,12 @@
 """A Redis of our own, for a machine that has none: started by us, seen by us alone, gone when we are."""
 
-import ctypes
 import fcntl
 import importlib.util
 import os
 import shutil
-import signal
 import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
@@ -18,6 +14,7 @@ from typing import IO, Self
 import redis
 
 from model.errors import InputError
+from worker.child import ends_with_us
 
 START_SECONDS = 60.0
 """How long Redis may take to answer [s]: it first reads all it has stored."""
@@ -56,11 +53,19 @@ class EmbeddedRedis:
         return self._server.pid if self._server is not None and self._server.poll() is None else None
 
     def start(self) -> None:
-        """Start the server and wait until it answers; a second call restarts one that has died.
+        """Start the server and wait until it answers; nothing happens when it runs.
 
         Raises:
-            InputError: no Redis is installed, the folder is in use or cannot be written, or Redis will not
-                start; one line says which.
+            InputError: as for `launch`, or Redis will not start.
+        """
+        self.launch()
+        self._await_answer()
+
+    def launch(self) -> None:
+        """Start the server, if it does not run, without waiting for it: how one that has died is restarted.
+
+        Raises:
+            InputError: no Redis is installed, or the folder is in use or cannot be written.
         """
         if self.pid is not None:
             return
@@ -75,9 +80,8 @@ class EmbeddedRedis:
                 stderr=subprocess.DEVNULL,
                 pass_fds=(lock.fileno(),),
                 start_new_session=True,  # Ctrl-C reaches us, and we end it last
-                preexec_fn=_ends_with(os.getpid()),
+                preexec_fn=ends_with_us(),
             )
-        self._await_answer(self._server)
 
     def stop(self) -> None:
         """End the server, its data stored, and give the folder back; does nothing when there is none."""
@@ -139,10 +143,10 @@ class EmbeddedRedis:
         }
         return [part for name, value in settings.items() for part in (f"--{name}", value)]
 
-    def _await_answer(self, server: subprocess.Popen[bytes]) -> None:
+    def _await_answer(self) -> None:
         deadline = time.monotonic() + START_SECONDS
         with redis.Redis.from_url(self.url) as client:
-            while time.monotonic() < deadline and server.poll() is None:
+            while time.monotonic() < deadline and self.pid is not None:
                 try:
                     client.ping()
                     return
@@ -192,18 +196,3 @@ def _locked(path: Path, patience: float) -> IO[bytes]:
                     f"{path.parent} is in use by another matphys-serve: stop it, or give another data folder"
                 ) from None
             time.sleep(0.05)
-
-
-def _ends_with(parent: int) -> Callable[[], None] | None:
-    """What a child runs before its program, so that it is told to end when its parent has ended."""
-    if sys.platform != "linux":
-        return None
-    libc = ctypes.CDLL(None)
-    set_parent_death_signal = 1  # PR_SET_PDEATHSIG of linux/prctl.h
-
-    def end_with_parent() -> None:
-        libc.prctl(set_parent_death_signal, signal.SIGTERM)
-        if os.getppid() != parent:  # it ended before we asked
-            os._exit(1)
-
-    return end_with_parent
