@@ -13,6 +13,7 @@ from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
 from model.simulator.kernel.call import Interval
+from model.simulator.kernel.cuda.kernel import CudaKernel
 from model.simulator.kernel.kernel import Kernel
 from model.simulator.kernel.terms import Inexpressible
 from model.simulator.stability import Slopes, differentiate
@@ -72,7 +73,7 @@ class Oracle(Path):
 class FastPath(Path):
     """A compiled kernel, one call per frame."""
 
-    def __init__(self, kernel: Kernel, dynamics: Dynamics) -> None:
+    def __init__(self, kernel: Kernel | CudaKernel, dynamics: Dynamics) -> None:
         """Through this kernel of these terms."""
         self._kernel, self._dynamics = kernel, dynamics
 
@@ -123,7 +124,8 @@ def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, ba
         whole = Oracle(dynamics, integrator)
         return whole if isinstance(free, Oracle) else Watched(free, whole, meeting)
     try:
-        return FastPath(Kernel(dynamics, integrator, batch), dynamics)
+        kind = CudaKernel if dynamics.mass.device.type == "cuda" else Kernel
+        return FastPath(kind(dynamics, integrator, batch), dynamics)
     except Inexpressible as error:
         if backend == "kernel":
             raise InputError(f"no kernel can be had: {error}; use the backend 'torch'") from error

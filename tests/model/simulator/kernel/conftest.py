@@ -1,6 +1,7 @@
 """A scene with everything that a kernel has, every constant a leaf, and what the oracle makes of it."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,10 +9,14 @@ import torch
 from scipy.spatial import cKDTree
 
 from model.simulator.build import build_simulator
+from model.simulator.kernel import build
+from model.simulator.kernel.cuda.kernel import CudaKernel
+from model.simulator.kernel.cuda.module import Module
 from model.simulator.simulator import Simulator
 from model.simulator.system import State
 
 POINTS, SPRINGS, CONTROLLERS = 61, 260, 3
+DRIVER = Path(__file__).parent / "cuda" / "serial_driver.cpp"
 
 
 @dataclass(frozen=True)
@@ -97,3 +102,24 @@ def apart():
         )
 
     return measure
+
+
+@pytest.fixture
+def serial():
+    """A loader of CUDA kernels that this processor runs, one thread after the other."""
+
+    def load(source, device):
+        text = DRIVER.read_text().replace("// THE KERNELS", source)
+        return Module(build.load(text), b"serial", device)
+
+    return load
+
+
+@pytest.fixture(params=["processor", "cuda text"])
+def engine(request, monkeypatch, serial):
+    """Which kernel a simulator gets: the processor's, or CUDA's with this processor as its device."""
+    if request.param == "cuda text":
+        monkeypatch.setattr(
+            "model.simulator.backend.Kernel", lambda *terms: CudaKernel(*terms, loader=serial)
+        )
+    return request.param

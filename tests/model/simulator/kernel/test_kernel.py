@@ -19,8 +19,11 @@ from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
 from model.simulator.forces.volume import Volume
 from model.simulator.kernel import build, program
+from model.simulator.kernel.cuda import program as cuda_program
 from model.simulator.parameters import Constant
 from model.simulator.system import State
+
+pytestmark = pytest.mark.usefixtures("engine")
 
 
 class Plastic(AxialForce):
@@ -84,6 +87,7 @@ def test_laws_with_memory(scene, apart, monkeypatch, checkpoint):
     expected, slow = made.roll("torch")
     if checkpoint:
         monkeypatch.setattr(program, "STORAGE", 2**20)  # some ten pieces
+        monkeypatch.setattr(cuda_program, "STORAGE", 2**20)
     found, fast = made.roll("kernel", checkpoint=checkpoint)
     assert float(expected.end.memory["plastic.flow"].detach().abs().max()) > 0.01, "nothing yielded"
     assert apart(found.points, expected.points) < 1e-12
