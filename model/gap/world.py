@@ -44,7 +44,7 @@ class World:
     sight: Sight
     times: Float64[Array, " T"]
     """Of the frames [s]."""
-    controls: Float[Tensor, "T C 3"] | None = None
+    controls: Float[Tensor, "T *b C 3"] | None = None
     """What the hand is said to do [m]."""
     ground_height: float | None = None
     """[m]."""

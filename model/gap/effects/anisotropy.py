@@ -5,7 +5,16 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.effects.base import (
+    Effect,
+    Field,
+    Quantity,
+    Values,
+    no_springs,
+    on_springs,
+    spring_stiffness,
+    vector,
+)
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
@@ -77,9 +86,9 @@ class Anisotropy(Effect):
         """Stiffen the springs along the fibres."""
         azimuth, elevation = values["azimuth"], values["elevation"]
         level = torch.cos(elevation)
-        fibre = torch.stack([level * torch.cos(azimuth), level * torch.sin(azimuth), torch.sin(elevation)])
+        fibre = vector(level * torch.cos(azimuth), level * torch.sin(azimuth), torch.sin(elevation))
         ends = world.system.points[world.system.springs].to(fibre)
         way = ends[:, 1] - ends[:, 0]
-        along = (way @ fibre) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
+        along = (fibre @ way.T) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
         share = on_springs(world, where).to(fibre)
         return world.with_force(FibreSpring(spring_stiffness(world), along * share, values["excess"]))

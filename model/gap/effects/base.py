@@ -15,7 +15,7 @@ from model.simulator.forces.base import ForceTerm
 from model.simulator.forces.spring import Spring
 
 Values: TypeAlias = Mapping[str, Tensor]
-"""One scalar tensor for each quantity of an effect."""
+"""One scalar tensor for each quantity of an effect, or one of shape [*b, 1] for many worlds at once."""
 Field: TypeAlias = Float[Tensor, " P"]
 """How strongly an effect acts on each mass point, 0..1."""
 Acts: TypeAlias = Literal["body", "surroundings", "grip", "hand", "ground"]
@@ -110,3 +110,10 @@ def no_grip(world: World) -> str | None:
     """Why an effect of the grip cannot act."""
     held = len(world.system.edges) - world.system.edges.spring_count
     return None if held and world.controls is not None else "nothing is held"
+
+
+def vector(*components: Tensor) -> Float[Tensor, "*b n"]:
+    """Quantities as one vector."""
+    parts = torch.broadcast_tensors(*components)
+    joined: Tensor = torch.stack(parts) if parts[0].ndim == 0 else torch.cat(parts, -1)
+    return joined

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values
+from model.gap.effects.base import Effect, Field, Quantity, Values, vector
 from model.gap.world import World
 from model.simulator.forces.gravity import Gravity
 
@@ -35,4 +35,4 @@ class GravityTilt(Effect):
         y, z = cosine * y - sine * z, sine * y + cosine * z
         sine, cosine = torch.sin(values["about_y"]), torch.cos(values["about_y"])
         x, z = cosine * x + sine * z, -sine * x + cosine * z
-        return world.with_force(Gravity(torch.stack([x, y, z])))
+        return world.with_force(Gravity(vector(x, y, z)))

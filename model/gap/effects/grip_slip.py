@@ -75,7 +75,7 @@ class GripSlip(Effect):
         return no_grip(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
-        """Let the anchors drift beyond a load, given in weights of the object over the springs of the grip."""
+        """Let the anchors drift beyond a load, given in weights of the object over the springs of a grip."""
         grip = world.simulator.force("controller_spring")
         assert isinstance(grip, ControllerSpring)
         count = world.system.edges.controller_spring_count

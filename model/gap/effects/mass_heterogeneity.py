@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, on_points
+from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, on_points, vector
 from model.gap.world import World
 from model.simulator.system import System
 
@@ -48,10 +50,10 @@ class MassHeterogeneity(Effect):
         """Where the load is."""
         return self._near(world, values, where).detach().to(torch.float64)
 
-    def _near(self, world: World, values: Values, where: Field | None) -> Field:
+    def _near(self, world: World, values: Values, where: Field | None) -> Float[Tensor, "*b P"]:
         points = world.system.points.to(values["x"])
         low, high = points.amin(0), points.amax(0)
         size = (high - low).norm()
-        centre = low + (high - low) * torch.stack([values["x"], values["y"], values["z"]])
-        apart = ((points - centre) ** 2).sum(-1) / (values["radius"] * size) ** 2
+        centre = low + (high - low) * vector(values["x"], values["y"], values["z"])
+        apart = ((points - centre.unsqueeze(-2)) ** 2).sum(-1) / (values["radius"] * size) ** 2
         return torch.exp(-0.5 * apart) * on_points(world, where).to(apart)

@@ -121,6 +121,20 @@ def test_kernel_and_oracle_agree(kind, block):
 
 
 @every_effect
+def test_many_values_at_once_are_as_one_by_one(kind, block):
+    effect = kind()
+    if kind.name == "self_collision":  # its distance is a choice, one at a time
+        return
+    first, second = absent(effect), {name: value.detach() for name, value in strong(effect).items()}
+    both = {name: torch.stack([first[name], second[name]]).unsqueeze(-1) for name in first}
+    with torch.no_grad():
+        together = effect.apply(block, both).rollout(last=6, substeps=60).points
+        for i, values in enumerate((first, second)):
+            alone = effect.apply(block, values).rollout(last=6, substeps=60).points
+            torch.testing.assert_close(together[:, i], alone, rtol=0, atol=1e-10)
+
+
+@every_effect
 def test_acts_where_it_is_told(kind, block):
     """A field of zeros is absence; half of the body is not the whole."""
     effect = kind()
