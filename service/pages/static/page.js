@@ -11,7 +11,7 @@ const LIST_REFRESH_S = 10;
 let opened = new AbortController(); // what is under way for the twin that is open
 
 const names = JSON.parse(sessionStorage.getItem("matphys.names") ?? "{}"); // of clips dropped in this tab
-const title = (job) => names[job.id] ?? `Twin of ${moment(job.created_at)}`;
+const title = (job) => names[job.id] ?? `Twin ${job.id.slice(-6)}`;
 function rememberName(id, name) {
   names[id] = name;
   sessionStorage.setItem("matphys.names", JSON.stringify(names));
@@ -147,8 +147,7 @@ async function showLog(log, url, signal) {
   const box = $("pre", log);
   while (log.open && !signal.aborted) {
     try {
-      const answer = await getJson(url, { signal });
-      const text = answer.lines.join("\n") || "Nothing yet.";
+      const text = (await (await request(url, { signal })).text()) || "Nothing yet.";
       if (box.textContent !== text) box.textContent = text;
     } catch (error) { if (!signal.aborted) box.textContent = error.message; }
     await pause(3, signal);
@@ -170,6 +169,7 @@ async function showResult(box, job, signal) {
   if (manifest.source?.name && !names[job.id]) fill($("#twin .job"), { name: manifest.source.name });
   renderTwin(box, { manifest, parts, parameters });
   const video = $("video", box);
+  video.autoplay = !matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (url("preview.mp4")) {
     video.src = URL.createObjectURL(await getBlob(url("preview.mp4"), { signal }));
     signal.addEventListener("abort", () => URL.revokeObjectURL(video.src), { once: true });
