@@ -32,6 +32,8 @@ dt/2 in time, and so by 0.5 % of the motion in 0.1 s."""
 
 Progress: TypeAlias = Callable[[int, int], None]
 """Called after each frame with the frames done and the frames there are."""
+Lead: TypeAlias = Callable[[int, State], State]
+"""Given a frame and the state predicted for it, the state to go on from."""
 
 
 class StabilityWarning(UserWarning):
@@ -159,6 +161,7 @@ class Simulator(nn.Module):
         substeps: int | None = None,
         checkpoint: bool = False,
         progress: Progress | None = None,
+        lead: Lead | None = None,
     ) -> Rollout:
         """A trajectory of T frames, frame 0 being `state`.
 
@@ -171,6 +174,8 @@ class Simulator(nn.Module):
             substeps: Per frame interval; None: what the stability bound asks for, with a margin.
             checkpoint: Store one state per frame for the backward pass and compute the rest again there.
             progress: Called after each frame.
+            lead: Called after each frame with its number and the state; the next frame starts from what it
+                returns (an observer that follows a measurement).
 
         Raises:
             InputError: controls, times and frames that do not fit each other or the system.
@@ -197,6 +202,8 @@ class Simulator(nn.Module):
             now = path.advance(before, drive, dt, checkpoint)
             if not finite(now):
                 raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
+            if lead is not None:
+                now = lead(frame, now)
             history.append(now)
             if progress is not None:
                 progress(frame, len(moments) - 1)
