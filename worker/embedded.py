@@ -20,6 +20,8 @@ START_SECONDS = 60.0
 """How long Redis may take to answer [s]: it first reads all it has stored."""
 STOP_SECONDS = 10.0
 """How long Redis may take to store what it holds and end [s]."""
+ADDRESS = "address"
+"""The file in the folder that says where the server is reached."""
 LONGEST_SOCKET = 100
 """Bytes of a socket's path; the kernel takes 107."""
 
@@ -71,6 +73,7 @@ class EmbeddedRedis:
             return
         binary = find_redis_server()
         self._claim()
+        (self._directory / ADDRESS).write_text(self.url)
         # The server inherits this lock: should we be killed, the next start waits until it has ended too.
         with _locked(self._directory / "server.lock", patience=STOP_SECONDS) as lock:
             self._server = subprocess.Popen(
@@ -154,6 +157,18 @@ class EmbeddedRedis:
                     time.sleep(0.02)
         self.stop()
         raise InputError(f"Redis does not start over {self._directory}: see redis.log there")
+
+
+def running_address(directory: Path) -> str | None:
+    """Where the server over a folder is reached; None: none runs over it."""
+    try:
+        with (directory / "owner.lock").open("ab") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return None
+    except BlockingIOError:
+        return (directory / ADDRESS).read_text()
+    except FileNotFoundError:
+        return None
 
 
 def find_redis_server() -> Path:

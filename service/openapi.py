@@ -1,0 +1,122 @@
+"""What the OpenAPI document says beyond what FastAPI finds out: problems, uploads, examples."""
+
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from model.job_schema import Problem
+from model.version import __version__
+from service.errors import MEDIA_TYPE, TITLES, TYPE_PREFIX
+from worker.kinds.base import Kind
+
+DESCRIPTION = """Upload a clip of a soft object being handled, watch it become a simulatable twin,
+download it.
+
+Every request but those for the page and for health carries `Authorization: Bearer KEY`. Errors are
+`application/problem+json` (RFC 9457). A `POST` may carry an `Idempotency-Key`: sent again with the same
+content, it gives the same job; with other content, it is refused. Times are RFC 3339, UTC.
+"""
+RETRY_AFTER = {
+    "description": "Seconds to wait before the next try.",
+    "schema": {"type": "integer", "minimum": 1},
+}
+
+
+ACCEPTED: dict[str, Any] = {
+    "description": "Accepted: nothing loses it from here on",
+    "headers": {
+        "Location": {"description": "Where the job is.", "schema": {"type": "string"}},
+        "Retry-After": RETRY_AFTER,
+    },
+}
+
+BINARY: dict[str, Any] = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
+FILE_RESPONSES: dict[int | str, dict[str, Any]] = {
+    200: {"description": "The file", "content": BINARY},
+    206: {"description": "The part of it that was asked for", "content": BINARY},
+    304: {"description": "Not changed"},
+}
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The `responses` of a route that may answer with these problems, besides those that every route has."""
+    return {status: _problem(status) for status in (*statuses, 401, 403, 422, 429, 500, 503)}
+
+
+def public_problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """The same for a route that needs no key."""
+    return {status: _problem(status) for status in (*statuses, 422, 500)}
+
+
+def _problem(status: int) -> dict[str, Any]:
+    examples = {
+        name: {"value": {"type": TYPE_PREFIX + name, "title": title, "status": status}}
+        for name, (found, title) in TITLES.items()
+        if found == status
+    }
+    response: dict[str, Any] = {
+        "description": HTTPStatus(status).phrase,
+        "content": {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}, "examples": examples}},
+    }
+    if status in (429, 503):
+        response["headers"] = {"Retry-After": RETRY_AFTER}
+    return response
+
+
+def describe_upload(kind: type[Kind]) -> dict[str, Any]:
+    """The `openapi_extra` of a route that takes the inputs and options of a kind of job."""
+    binary = {"type": "string", "format": "binary"}
+    options = {
+        name: _plain(schema) for name, schema in kind.options.model_json_schema()["properties"].items()
+    }
+    main, required = next(iter(kind.inputs)), [name for name, each in kind.inputs.items() if each.required]
+    form = {
+        "type": "object",
+        "required": required,
+        "properties": {name: binary for name in kind.inputs} | options,
+        "additionalProperties": False,
+    }
+    return {
+        "parameters": [
+            {"name": name, "in": "query", "required": False, "schema": schema}
+            for name, schema in options.items()
+        ],
+        "requestBody": {
+            "required": True,
+            "description": f"The {main} itself, or a form with it and what belongs to it.",
+            "content": {
+                "multipart/form-data": {"schema": form},
+                "application/octet-stream": {"schema": binary},
+                "video/mp4": {"schema": binary},
+            },
+        },
+    }
+
+
+def _plain(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a text: in a query or a form there is no null, and what is left out has its default."""
+    plain = {name: value for name, value in schema.items() if name not in ("anyOf", "default", "title")}
+    for choice in schema.get("anyOf", ()):
+        if choice.get("type") != "null":
+            plain |= choice
+    if schema.get("default") is not None:
+        plain["default"] = schema["default"]
+    if "examples" in plain:
+        plain["examples"] = [example for example in plain["examples"] if example is not None]
+    return plain
+
+
+def describe(app: FastAPI) -> dict[str, Any]:
+    """The OpenAPI document of the app, made once."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title="MatPhys", version=__version__, description=DESCRIPTION, routes=app.routes
+        )
+        schemas = document.setdefault("components", {}).setdefault("schemas", {})
+        schemas["Problem"] = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+        for unused in ("HTTPValidationError", "ValidationError"):
+            schemas.pop(unused, None)
+        app.openapi_schema = document
+    return app.openapi_schema
