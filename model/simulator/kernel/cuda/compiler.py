@@ -16,8 +16,8 @@ from model.simulator.kernel.build import CannotBuild, cache_folder
 
 LIBRARIES = ("libnvrtc.so.13", "libnvrtc.so.12", "libnvrtc.so")
 OPTIONS = ("--std=c++17", "--device-as-default-execution-space")
-"""The second for lambdas, whose calls NVRTC takes for the host's. Not --use_fast_math: what is not finite has to
-stay so, to be found."""
+"""The second for lambdas, whose calls NVRTC takes for the host's. Not --use_fast_math: what is not finite has
+to stay so, to be found."""
 
 
 def compile_text(source: str, capability: tuple[int, int]) -> bytes:

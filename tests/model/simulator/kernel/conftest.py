@@ -26,9 +26,10 @@ class Scene:
     simulator: Simulator
     leaves: dict[str, torch.Tensor]
     controls: torch.Tensor
+    device: str = "cpu"
 
     def state(self):
-        return State(self.leaves["positions"], self.leaves["velocities"])
+        return State(*(self.leaves[name].to(self.device) for name in ("positions", "velocities")))
 
     def roll(self, backend, **options):
         """The rollout by a backend, and the gradients of a loss with a bit of everything in it."""
@@ -105,14 +106,15 @@ def apart():
 
 
 @pytest.fixture
-def serial():
+def serial_driver():
+    """Make a CUDA driver whose device is this processor, which knows the kernels of a text."""
+    return lambda source: build.load(DRIVER.read_text().replace("// THE KERNELS", source))
+
+
+@pytest.fixture
+def serial(serial_driver):
     """A loader of CUDA kernels that this processor runs, one thread after the other."""
-
-    def load(source, device):
-        text = DRIVER.read_text().replace("// THE KERNELS", source)
-        return Module(build.load(text), b"serial", device)
-
-    return load
+    return lambda source, device: Module(serial_driver(source), b"serial", device)
 
 
 @pytest.fixture(params=["processor", "cuda text"])
