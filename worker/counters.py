@@ -1,4 +1,4 @@
-"""What happened to all jobs so far, counted by the transitions in Redis: any front can tell it, whoever did it."""
+"""What happened to all jobs so far, counted by the transitions in Redis, so that any front can tell."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -30,12 +30,12 @@ class Counters:
         self._redis = redis
 
     def outcomes(self) -> Mapping[tuple[str, str], int]:
-        """How many jobs of a kind were accepted, succeeded, failed or canceled, and how many attempts crashed.
+        """How many jobs of a kind were accepted and how they ended, and how many attempts crashed.
 
         The key is kind and outcome: `accepted`, `succeeded`, `failed`, `canceled`, `crashed`.
         """
         counts = cast("dict[str, str]", self._redis.hgetall("matphys:outcomes"))
-        return {(kind, outcome): int(count) for (kind, outcome), count in _split(counts, 2)}
+        return {_pair(name): int(count) for name, count in counts.items()}
 
     def stages(self) -> Mapping[tuple[str, str], Durations]:
         """How long the stages of each kind took.
@@ -46,16 +46,18 @@ class Counters:
         buckets: dict[tuple[str, str], dict[float, int]] = {}
         whole: dict[tuple[str, str], dict[str, float]] = {}
         fields = cast("dict[str, str]", self._redis.hgetall("matphys:stages"))
-        for (kind, stage, what), value in _split(fields, 3):
+        for field, value in fields.items():
+            name, _, what = field.rpartition("|")
             if what in ("count", "sum"):
-                whole.setdefault((kind, stage), {})[what] = float(value)
+                whole.setdefault(_pair(name), {})[what] = float(value)
             else:
-                buckets.setdefault((kind, stage), {})[float(what)] = int(value)
+                buckets.setdefault(_pair(name), {})[float(what)] = int(value)
         return {
             name: Durations(tuple(sorted(buckets.get(name, {}).items())), round(of["count"]), of["sum"])
             for name, of in whole.items()
         }
 
 
-def _split(fields: Mapping[str, str], parts: int) -> list[tuple[tuple[str, ...], str]]:
-    return [(tuple(name.split("|", parts - 1)), value) for name, value in fields.items()]
+def _pair(name: str) -> tuple[str, str]:
+    first, _, second = name.partition("|")
+    return first, second
