@@ -18,8 +18,8 @@ LONGEST_PAUSE = 10.0
 """Between two starts of a worker that does not stay [s]."""
 STEADY_SECONDS = 30.0
 """A worker that has lived this long [s] is started again at once when it ends."""
-GRACE_SECONDS = 20.0
-"""How long a worker may take to finish or hand back its job [s]."""
+GRACE_SECONDS = 60.0
+"""How long a worker may take to end [s], the grace it gives its job included."""
 
 log = logging.getLogger("matphys.companions")
 

@@ -112,7 +112,7 @@ def install(app: FastAPI) -> None:
 
     async def handle(request: Request, error: Exception) -> JSONResponse:
         problem = translate(error)
-        if problem.status >= 500:
+        if problem.status >= 500 and problem is not error:  # one of ours says all there is to say
             log.error("request failed", exc_info=error, extra={"problem": problem.name})
         return answer(problem, request.scope.get("state", {}).get("request_id"))
 

@@ -86,6 +86,7 @@ class Front:
         """Give the connections back."""
         self.closing.set()
         await self.async_redis.aclose()
+        self.queues.close()
         self.redis.close()
 
 

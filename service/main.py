@@ -28,6 +28,8 @@ DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
 DRAIN_SECONDS = 5
 """How long requests under way may take to end when the front is stopped."""
 BACKLOG = 2048
+WORKER_GRACE = "10"
+"""Seconds that a job may go on when all is stopped: somebody waits at a terminal."""
 
 
 class FrontServer(uvicorn.Server):
@@ -92,7 +94,12 @@ def serve(context: click.Context, host: str, port: int, data_dir: Path) -> None:
         os.environ, data_dir=data_dir, redis_url=redis.url, store_url=store_url
     )
     log_as_json(settings.log_level)
-    companions = Companions(redis, os.environ | {"REDIS_URL": redis.url, "STORE_URL": store_url})
+    companions = Companions(
+        redis,
+        {"MATPHYS_GRACE": WORKER_GRACE, "MATPHYS_SCRATCH": str((data_dir / "scratch").absolute())}
+        | os.environ
+        | {"REDIS_URL": redis.url, "STORE_URL": store_url},
+    )
     try:
         companions.start_redis()
         _serve(settings, listener, address, companions)

@@ -90,6 +90,10 @@ class Queues:
         self._redis = in_bytes(redis)
         self._records = records
 
+    def close(self) -> None:
+        """Give the connections back; what is asked afterwards opens new ones."""
+        self._redis.connection_pool.disconnect()
+
     def enqueue(self, record: JobRecord) -> None:
         """Let a worker have a job that `Records.create` accepted. Should this fail, `reconcile` does it."""
         self._queue(record.queue).enqueue_call(
