@@ -38,7 +38,7 @@ class Dynamics:
         ]
         self._other = [(t, v) for t, v in self.forces if not isinstance(t, PairForce | Decay)]
         self._decay = [(t, v) for t, v in self.forces if isinstance(t, Decay)]
-        self._factors: dict[float, Tensor | None] = {}
+        self._factors: dict[float, Tensor] = {}
 
     def without(self, contact: ContactTerm) -> "Dynamics":
         """The same, evaluated once as it is, but for one contact."""
@@ -76,14 +76,16 @@ class Dynamics:
 
     def decay(self, velocities: Float[Tensor, "*b N 3"], dt: float) -> Float[Tensor, "*b N 3"]:
         """Velocities [m/s] after the exactly solvable forces have acted for `dt` [s]."""
-        if dt not in self._factors:
-            factor: Tensor | None = None
+        factor = self._factors.get(dt)
+        if factor is None:
             for term, values in self._decay:
                 more = term.factor(values, dt)
                 factor = more if factor is None else factor * more
-            self._factors[dt] = factor
-        known = self._factors[dt]
-        return velocities if known is None else velocities * known
+            if factor is None:
+                return velocities
+            if not factor.requires_grad:  # a checkpoint that runs again must store what it stored before
+                self._factors[dt] = factor
+        return velocities * factor
 
     def collide(
         self, positions: Float[Tensor, "*b N 3"], velocities: Float[Tensor, "*b N 3"], dt: float

@@ -1,7 +1,6 @@
 """The constants of a law as tensors that may be learned."""
 
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypeAlias, TypeVar
 
@@ -75,7 +74,8 @@ class Parametric(nn.Module):
         Raises:
             InputError: a constant that there is not, or a value that it cannot have.
         """
-        other = copy(self)
+        other = type(self).__new__(type(self))
+        other.__dict__.update(self.__dict__)  # torch would copy modules within, too
         other._parameters = dict(self._parameters)
         for name, value in values.items():
             if name not in self.constants:

@@ -82,8 +82,6 @@ class System(Parametric):
         super().__init__(mass=mass, rest_length=rest_length, controller_rest_length=controller_rest_length)
         if not bool(torch.isfinite(points).all()):
             raise InputError("points of the system are not finite: give finite rest positions [m]")
-        if bool((self.value("mass") == 0).any()):
-            raise InputError("mass of the system has a zero: every point needs a mass [kg] above zero")
         count = 0 if not len(controller_springs) else int(controller_springs[:, 0].max()) + 1
         if controller_points is not None:
             _inside(controller_springs[:, 0], len(controller_points), "controller_springs", "controllers")
@@ -98,7 +96,7 @@ class System(Parametric):
         held = None if controller_points is None else controller_points.detach().to(points).clone()
         self.register_buffer("controller_points", held, persistent=False)
         self.edges = Edges(springs, controller_springs, len(points), count if len(controller_springs) else 0)
-        check_shapes(self, self, "the system")
+        self._check()
 
     @property
     def controller_count(self) -> int:
@@ -106,21 +104,19 @@ class System(Parametric):
         return self.edges.node_count - self.edges.point_count
 
     def with_values(self, **values: TensorLike) -> "System":
-        """The same points and springs with other constants, as `mass` [kg]; those not named stay."""
-        known = {name: getattr(self, name, None) for name in self.constants}
-        kept = {name: self.value(name) if value is None else value for name, value in known.items()}
-        return System(
-            points=self.points,
-            springs=self.springs,
-            controller_springs=self._held_by(),
-            controller_points=self.controller_points,
-            **{**kept, **values},
-        )
+        """The same points and springs with other constants, as `mass` [kg]; all else is shared.
 
-    def _held_by(self) -> Tensor:
-        """The controller springs, as they were given."""
-        edges, count = self.edges, self.edges.spring_count
-        return torch.stack([edges.second[count:] - edges.point_count, edges.first[count:]], dim=1)
+        Raises:
+            InputError: as the class does.
+        """
+        other = super().with_values(**values)
+        other._check()
+        return other
+
+    def _check(self) -> None:
+        if bool((self.value("mass") == 0).any()):
+            raise InputError("mass of the system has a zero: every point needs a mass [kg] above zero")
+        check_shapes(self, self, "the system")
 
     def size(self, over: str) -> int | None:
         """How many values a constant over `over` has; None: any one number will do."""

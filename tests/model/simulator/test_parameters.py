@@ -67,3 +67,10 @@ def test_other_values_make_another_term_and_leave_the_first():
         spring.with_values(damping=1.0)
     with pytest.raises(InputError, match="negative"):
         spring.with_values(stiffness=-1.0)
+
+
+def test_what_other_values_do_not_concern_is_the_very_same(system):
+    other = system.with_values(mass=torch.tensor(3.0))
+    assert other.edges is system.edges
+    assert other.springs is system.springs
+    assert other.log_rest_length is system.log_rest_length

@@ -217,3 +217,14 @@ def test_bad_input_is_refused(simulator, given, message):
 def test_two_terms_of_a_name_are_refused(system):
     with pytest.raises(InputError, match="same name: spring, spring"):
         Simulator(system, [Spring(1.0), Spring(2.0)])
+
+
+def test_a_checkpoint_is_recomputed_with_drag_that_is_sought(system, controls):
+    rate = torch.tensor(0.8, dtype=torch.float64, requires_grad=True)
+    simulator = Simulator(system, [Spring(40.0), Drag(rate)], backend="torch")
+    slopes = []
+    for checkpoint in (False, True):
+        rollout = simulator.rollout(controls=controls, fps=300.0, substeps=5, checkpoint=checkpoint)
+        slopes += torch.autograd.grad(rollout.points.square().sum(), rate)
+    assert float(slopes[0]) == pytest.approx(float(slopes[1]), rel=1e-12)
+    assert float(slopes[0]) != 0
