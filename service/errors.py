@@ -11,6 +11,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.routing import Match
 
 from model.errors import InputError
 from model.job_schema import Problem
@@ -112,6 +113,8 @@ def install(app: FastAPI) -> None:
 
     async def handle(request: Request, error: Exception) -> JSONResponse:
         problem = translate(error)
+        if problem.status == 405:
+            problem.headers["Allow"] = ", ".join(_methods(request))
         if problem.status >= 500 and problem is not error:  # one of ours says all there is to say
             log.error("request failed", exc_info=error, extra={"problem": problem.name})
         return answer(problem, request.scope.get("state", {}).get("request_id"))
@@ -120,6 +123,17 @@ def install(app: FastAPI) -> None:
         app.add_exception_handler(kind, handle)
     for kind in (redis.exceptions.RedisError, OSError):
         app.add_exception_handler(kind, handle)
+
+
+def _methods(request: Request) -> list[str]:
+    """What may be done at a path; the router names the methods of the first route there alone."""
+    routes = request.app.router.routes
+    scopes = {name: {**request.scope, "method": name} for name in ("GET", "HEAD", "POST", "DELETE")}
+    return [
+        name
+        for name, scope in scopes.items()
+        if any(route.matches(scope)[0] is Match.FULL for route in routes)
+    ]
 
 
 def _validation(error: RequestValidationError) -> ProblemError:

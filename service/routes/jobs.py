@@ -25,6 +25,7 @@ JobId = Annotated[str, Path(alias="id", max_length=64, examples=[EXAMPLE_ID])]
 IdempotencyKey = Annotated[
     str,
     Header(
+        alias="Idempotency-Key",
         max_length=255,
         pattern=r"^[!-~]*$",
         description="Sent again with the same content, it gives the same job.",
@@ -174,7 +175,12 @@ def _add_watching(router: APIRouter, resource: Resource) -> None:
         job_id: Annotated[str, Depends(followed)],
         front: FrontNow,
         last_event_id: Annotated[
-            str, Header(pattern=r"^\d{1,19}(-\d{1,19})?$", description="Id of the last event that was seen.")
+            str,
+            Header(
+                alias="Last-Event-ID",
+                pattern=r"^\d{1,19}(-\d{1,19})?$",
+                description="Id of the last event that was seen.",
+            ),
         ] = BEGINNING,
     ) -> AsyncIterator[ServerSentEvent]:
         with front.following():
