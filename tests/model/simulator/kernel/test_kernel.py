@@ -23,7 +23,8 @@ from model.simulator.kernel.cuda import program as cuda_program
 from model.simulator.parameters import Constant
 from model.simulator.system import State
 
-pytestmark = pytest.mark.usefixtures("engine")
+by_both = pytest.mark.usefixtures("engine")
+"""Once with the processor's kernel, once with that of CUDA."""
 
 
 class Plastic(AxialForce):
@@ -54,6 +55,7 @@ class Plastic(AxialForce):
 EXACT = {torch.float64: 1e-11, torch.float32: 2e-5}
 
 
+@by_both
 @pytest.mark.parametrize("dtype", EXACT)
 @pytest.mark.parametrize("checkpoint", [False, True])
 def test_values_and_gradients_are_those_of_the_oracle(scene, apart, dtype, checkpoint):
@@ -67,6 +69,7 @@ def test_values_and_gradients_are_those_of_the_oracle(scene, apart, dtype, check
         assert apart(fast[name], gradient) < 100 * EXACT[dtype], name
 
 
+@by_both
 def test_single_precision_is_within_its_bars_of_the_double_oracle(scene, apart):
     _, expected = scene(torch.float64).roll("torch", substeps=100)
     _, found = scene(torch.float32).roll("kernel", substeps=100)
@@ -75,6 +78,7 @@ def test_single_precision_is_within_its_bars_of_the_double_oracle(scene, apart):
     assert apart(found["restitution"], expected["restitution"]) < 1e-3
 
 
+@by_both
 @pytest.mark.parametrize("checkpoint", [False, True])
 def test_laws_with_memory(scene, apart, monkeypatch, checkpoint):
     generator = torch.Generator().manual_seed(0)
@@ -98,6 +102,7 @@ def test_laws_with_memory(scene, apart, monkeypatch, checkpoint):
             assert apart(fast[name], gradient) < 1e-9, name
 
 
+@by_both
 def test_a_rollout_goes_on_with_what_its_springs_remember(scene, apart):
     made = scene(forces=[Plastic(30.0, 0.005, 1.0)], ground=None)
     with torch.no_grad():
@@ -108,6 +113,7 @@ def test_a_rollout_goes_on_with_what_its_springs_remember(scene, apart):
     assert apart(rest.points[-1], whole.points[-1]) < 1e-14
 
 
+@by_both
 def test_batches_of_parameters_and_of_states(scene, apart):
     made = scene(batch=(2,))
     expected, slow = made.roll("torch")
@@ -173,6 +179,7 @@ def stenciled(scene):
     return build
 
 
+@by_both
 @pytest.mark.parametrize("checkpoint", [False, True])
 def test_forces_on_small_groups_of_points(stenciled, scene, apart, checkpoint):
     made = stenciled()
@@ -185,6 +192,7 @@ def test_forces_on_small_groups_of_points(stenciled, scene, apart, checkpoint):
         assert apart(fast[name], gradient) < 1e-9, name
 
 
+@by_both
 def test_groups_of_points_in_batches(stenciled, apart):
     made = stenciled(batch=(2,))
     expected, slow = made.roll("torch", substeps=60)
@@ -217,6 +225,7 @@ def test_threads_change_nothing(stenciled, monkeypatch):
         assert all(torch.equal(gradients[name], results[0][1][name]) for name in gradients)
 
 
+@by_both
 def test_gradients_alone_where_they_are_wanted(scene, apart):
     made = scene()
     _, all_of_them = made.roll("kernel")
@@ -227,6 +236,7 @@ def test_gradients_alone_where_they_are_wanted(scene, apart):
         assert apart(alone[name], all_of_them[name]) < 1e-12, name
 
 
+@by_both
 def test_a_free_system_without_springs(scene, apart):
     made = scene()
     system = made.simulator.system
@@ -240,6 +250,7 @@ def test_a_free_system_without_springs(scene, apart):
     assert apart(runs[1].points, runs[0].points) < 1e-14
 
 
+@by_both
 def test_points_that_coincide_pull_nowhere(scene, apart):
     made = scene()
     with torch.no_grad():
@@ -251,6 +262,7 @@ def test_points_that_coincide_pull_nowhere(scene, apart):
     assert apart(runs[1].points, runs[0].points) < 1e-12
 
 
+@by_both
 def test_what_is_not_finite_is_reported(scene):
     made = scene()
     with torch.no_grad():
@@ -273,6 +285,7 @@ class Jagged(AxialForce):
         return torch.floor(length * 1e9) * 1e-9 * stiffness
 
 
+@by_both
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
@@ -311,6 +324,7 @@ def test_without_a_compiler_the_oracle_serves_and_says_so(scene, monkeypatch):
     assert torch.equal(found.points, expected.points)
 
 
+@by_both
 def test_the_law_is_the_terms_own(scene, apart, monkeypatch):
     """Changing the law of a term changes what the kernel does, in step with the oracle."""
 
