@@ -21,7 +21,8 @@ def peers(simulator: Simulator, dt: float, gradients: bool) -> dict[str, Callabl
     Newton has no drag and no ground, and MuJoCo is spared the search for contacts: they do less than we do.
     """
     runs: dict[str, Callable[[], object]] = {"Warp": WarpSprings(simulator, dt, STEPS["Warp"], gradients).run}
-    graph = NewtonSprings(simulator, dt, gradients).replay(STEPS["Newton"], gradients)
+    weights = np.ones(simulator.system.points.shape) if gradients else None
+    graph = NewtonSprings(simulator, dt, gradients).replay(STEPS["Newton"], weights)
     runs["Newton"] = lambda: wp.capture_launch(graph)
     if not gradients:
         runs["MuJoCo"] = _mujoco(simulator, dt)

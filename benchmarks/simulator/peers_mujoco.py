@@ -23,8 +23,8 @@ from model.simulator.system import Anchors
 
 RADIUS = 1e-3
 """Of the spheres that touch the ground [m]; the plane lies as much lower."""
-HARD = "0.9999 0.9999 0.001"
-"""Impedance of a contact that gives way by its spring and damper alone."""
+HARD = "0.001 0.001 0.001"
+"""Impedance of a contact that is a spring and a damper: with a harder one, slip would lift what slips."""
 
 
 class MujocoSprings:
@@ -84,7 +84,7 @@ def soft_contact(restitution: float, impact: float) -> tuple[float, float]:
     """
 
     def kept(ratio: float) -> float:
-        return math.exp(-2 * ratio * (cmath.acos(ratio) / cmath.sqrt(1 - ratio**2)).real)
+        return math.exp(-2 * ratio * abs(cmath.acos(ratio) / cmath.sqrt(1 - ratio**2)))
 
     low, high = 0.0, 20.0
     for _ in range(60):
@@ -99,38 +99,45 @@ def _document(simulator: Simulator, dt: float, impact: float) -> str:
     falls, dragged = "gravity" in simulator.forces, "drag" in simulator.forces
     gravity = simulator.force("gravity").value("gravity").tolist() if falls else [0.0] * 3
     rate = float(simulator.force("drag").value("drag_rate")) if dragged else 0.0
-    plane, touch = _ground(simulator, impact) if "ground" in simulator.contacts else ("", "")
+    plane, pairs = _ground(simulator, dt, impact) if "ground" in simulator.contacts else ("", [])
     places, mass = system.points.double().tolist(), system.value("mass").expand(len(system.points)).tolist()
     bodies = [
-        _body(f"p{i}", place, m, m * math.expm1(rate * dt) / dt, touch)
+        _body(f"p{i}", place, m, m * math.expm1(rate * dt) / dt)
         for i, (place, m) in enumerate(zip(places, mass, strict=True))
     ]
     hands = system.controller_points.double().tolist() if held else []
-    bodies += [_body(f"c{i}", place, 1.0, 0.0, "") for i, place in enumerate(hands)]
+    bodies += [_body(f"c{i}", place, 1.0, 0.0) for i, place in enumerate(hands)]
     return "\n".join([
         f'<mujoco><option timestep="{dt!r}" integrator="Euler" gravity="{_row(gravity)}" cone="elliptic"',
-        f' impratio="10" jacobian="sparse" tolerance="1e-14"><flag contact="{_able(plane)}"/></option>',
+        f' impratio="1e7" jacobian="sparse" tolerance="1e-14"><flag contact="{_able(plane)}"/></option>',
         '<size memory="256M"/><default><joint type="slide"/></default>',
-        f"<worldbody>{plane}", *bodies, "</worldbody><tendon>", *_tendons(simulator), "</tendon></mujoco>",
+        f"<worldbody>{plane}", *bodies, "</worldbody><tendon>", *_tendons(simulator), "</tendon>",
+        "<contact>", *pairs, "</contact></mujoco>",
     ])  # fmt: skip
 
 
-def _ground(simulator: Simulator, impact: float) -> tuple[str, str]:
-    """The plane, and the sphere of a point."""
+def _ground(simulator: Simulator, dt: float, impact: float) -> tuple[str, list[str]]:
+    """The plane, and its pairing with every point.
+
+    Friction works against slip by damping; the strongest that a step takes, 1/dt, leaves Coulomb's law alone.
+    """
     ground = simulator.contact("ground")
     friction, restitution, height = (float(ground.value(n)) for n in ("friction", "restitution", "height"))
     stiff, damped = soft_contact(restitution, impact)
-    rub = f'condim="3" friction="{friction!r} 0 0" solref="{-stiff!r} {-damped!r}" solimp="{HARD}"'
-    place = f'size="0 0 1" pos="0 0 {height - RADIUS!r}"'
-    plane = f'<geom type="plane" {place} contype="2" conaffinity="1" {rub}/>'
-    return plane, f'<geom size="{RADIUS}" mass="0" contype="1" conaffinity="2" {rub}/>'
+    law = f'condim="3" friction="{friction!r} {friction!r}" solimp="{HARD}"'
+    law += f' solref="{-stiff!r} {-damped!r}" solreffriction="-1 {-0.001 / dt!r}"'
+    still = 'contype="0" conaffinity="0"'
+    plane = f'<geom name="ground" type="plane" size="0 0 1" pos="0 0 {height - RADIUS!r}" {still}/>'
+    count = len(simulator.system.points)
+    return plane, [f'<pair geom1="ground" geom2="p{i}" {law}/>' for i in range(count)]
 
 
-def _body(name: str, place: list[float], mass: float, damping: float, touch: str) -> str:
+def _body(name: str, place: list[float], mass: float, damping: float) -> str:
     joints = "".join(f'<joint axis="{axis}" damping="{damping!r}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
+    ball = f'<geom name="{name}" size="{RADIUS}" mass="0" contype="0" conaffinity="0"/>'
     return (
         f'<body pos="{_row(place)}"><inertial pos="0 0 0" mass="{mass!r}" diaginertia="1 1 1"/>{joints}'
-        f'<site name="{name}"/>{touch}</body>'
+        f'<site name="{name}"/>{ball}</body>'
     )
 
 

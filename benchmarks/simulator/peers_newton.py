@@ -23,7 +23,7 @@ class NewtonSprings:
     Args:
         simulator: Linear springs, one dashpot, gravity.
         dt: Substep [s].
-        gradients: Keep what a gradient needs.
+        gradients: Keep what a gradient needs; for `replay`.
     """
 
     def __init__(self, simulator: Simulator, dt: float, gradients: bool = False) -> None:
@@ -59,14 +59,13 @@ class NewtonSprings:
         """[m/s], [N, 3]."""
         return self.now.particle_qd.numpy()[: self.count].copy()
 
-    def replay(self, steps: int, gradients: bool) -> wp.Graph:
+    def replay(self, steps: int, weights: np.ndarray | None = None) -> wp.Graph:
         """Substeps from the state now, captured to be launched without Python.
 
-        With gradients: of the sum of all final coordinates, to the stiffness of every spring, by Warp's tape;
-        they lie in `model.spring_stiffness.grad`.
+        With `weights`: and the gradient of the weighted sum of all final coordinates [N, 3] to the
+        stiffness of every spring, by Warp's tape; it is left in `model.spring_stiffness.grad`.
         """
-        states = [self.now, *(self.model.state(requires_grad=gradients) for _ in range(steps))]
-        seed = wp.array(np.ones((self.count + self.held, 3), np.float32), dtype=wp.vec3, device="cpu")
+        states = [self.now, *(self.model.state() for _ in range(steps))]
 
         def substeps() -> None:
             for before, after in pairwise(states):
@@ -75,7 +74,10 @@ class NewtonSprings:
 
         substeps()  # compiles what is not yet
         with wp.ScopedCapture(device="cpu") as capture:
-            if gradients:
+            if weights is not None:
+                padded = np.zeros((self.count + self.held, 3), np.float32)
+                padded[: self.count] = weights
+                seed = wp.array(padded, dtype=wp.vec3, device="cpu")
                 tape = wp.Tape()
                 with tape:
                     substeps()

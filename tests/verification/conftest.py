@@ -1,8 +1,17 @@
 """Small systems whose motion is known in closed form, in float64."""
 
+import importlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
 import pytest
 import torch
 
+from model.simulator.drive import Drive
+from model.simulator.forces.controller import ControllerSpring
+from model.simulator.forces.dashpot import Dashpot
+from model.simulator.forces.spring import Spring
 from model.simulator.simulator import Simulator
 from model.simulator.system import State, System
 
@@ -80,3 +89,84 @@ def backend(request, monkeypatch):
         initialise(self, *args, **kwargs)
 
     monkeypatch.setattr(Simulator, "__init__", made)
+
+
+@dataclass(frozen=True)
+class Body:
+    """What moves, how it starts and what the hands do."""
+
+    system: System
+    stiffness: torch.Tensor
+    start: State
+    controls: torch.Tensor | None
+
+    def simulator(self, *more, contacts=()):
+        """Springs and dashpots of the body and its grips, and `more`."""
+        held = [ControllerSpring(90.0)] if self.system.controller_count else []
+        return Simulator(self.system, [Spring(self.stiffness), *held, Dashpot(0.05), *more], contacts)
+
+    def by(self, springs, frames, interval, substeps):
+        """Where another simulator has the points in each frame [m]."""
+        springs.set(self.start.positions.numpy(), self.start.velocities.numpy())
+        places = [springs.positions]
+        for frame in range(1, frames):
+            drive = Drive(self.controls, frame, interval, substeps)
+            for substep in range(substeps):
+                springs.step(drive(substep))
+            places.append(springs.positions)
+        return np.stack(places)
+
+
+@pytest.fixture
+def handled():
+    """A body of points on a grid, each in another place, of another mass, joined to its neighbours."""
+
+    def build(shape, frames=4, held=True, dtype=torch.float64):
+        rng = np.random.default_rng(2)
+        grid = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), -1).reshape(-1, 3)
+        places = 0.05 * grid + rng.uniform(-0.005, 0.005, grid.shape)
+        pairs = np.argwhere(np.triu(np.linalg.norm(places[:, None] - places, axis=-1) < 0.09, k=1))
+        rest = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+        hands = places[[0, -1]] + [[-0.01, 0.0, 0.03], [0.01, 0.0, 0.03]]
+        system = System(
+            points=torch.tensor(places, dtype=dtype),
+            mass=torch.from_numpy(rng.uniform(0.005, 0.015, len(places))),
+            springs=torch.from_numpy(pairs),
+            rest_length=torch.from_numpy(rest * rng.uniform(0.95, 1.05, len(rest))),
+            controller_springs=torch.tensor([[0, 0], [1, len(places) - 1]]) if held else None,
+            controller_rest_length=torch.tensor([0.03, 0.02]) if held else None,
+            controller_points=torch.tensor(hands, dtype=dtype) if held else None,
+        )
+        motion = hands + np.cumsum(rng.normal(0, 0.01, (frames, 2, 3)), axis=0)
+        start = State(system.points, torch.tensor(rng.normal(0, 0.3, places.shape), dtype=dtype))
+        stiffness = torch.from_numpy(rng.uniform(30.0, 90.0, len(pairs)))
+        return Body(system, stiffness, start, torch.tensor(motion, dtype=dtype) if held else None)
+
+    return build
+
+
+@pytest.fixture
+def thrown(points, handled):
+    """Loose points or a body, thrown at the ground z = 0 from its rest places."""
+
+    def build(shape, velocity):
+        if shape is None:
+            system, stiffness = (
+                points([[0.0, 0, 0.05], [1.0, 0, 0.07]], torch.tensor([0.1, 0.01])),
+                torch.zeros(0),
+            )
+        else:
+            body = handled(shape, held=False)
+            system, stiffness = body.system, body.stiffness
+        places = system.points + torch.tensor([0.0, 0, 0.03], dtype=torch.float64)
+        speeds = torch.tensor(velocity, dtype=torch.float64).expand_as(places).clone()
+        return Body(system, stiffness, State(places, speeds), None)
+
+    return build
+
+
+@pytest.fixture
+def peer(monkeypatch):
+    """Another simulator's springs, as the benchmark times them."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks/simulator")
+    return importlib.import_module
