@@ -17,6 +17,7 @@ from worker.guard import Guard
 from worker.logs import log_as_json, relay
 
 PR_SET_PDEATHSIG = 1
+LIBC = ctypes.CDLL(None)
 FAULT = 70
 
 
@@ -73,7 +74,7 @@ class Horse:
 
 def end_with(parent: int) -> None:
     """Have the kernel kill this process when the one that forked it ends."""
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
     if os.getppid() != parent:  # it ended before we could ask
         os._exit(FAULT)
 

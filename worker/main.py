@@ -70,7 +70,7 @@ def serve(settings: Settings, kinds: Iterable[Kind] = ALL_KINDS, warm: Sequence[
         redis = connect(settings.place.redis_url)
         shepherd = Shepherd(name, Records(redis), kinds, guard, scratch, settings.place, settings.grace_s)
         LOG.info("ready")
-        work(lambda: Stable(name, settings.queues, redis, shepherd, janitor.revive))
+        work(lambda n: Stable(f"{name}-{n}", settings.queues, redis, shepherd, janitor.revive))
         LOG.info("stopped")
 
 

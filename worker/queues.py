@@ -4,9 +4,11 @@ rq moves the id of a job to a free worker, which forks a process for it. It deci
 process may work is for `worker.records` to say, so a lost or doubled delivery costs nothing but a moment.
 """
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any, cast
 
 import redis.backoff
 import redis.exceptions
@@ -23,6 +25,8 @@ ALL_QUEUES: tuple[str, ...] = ("webhooks", "exports", "twins")
 FUNCTION = "worker.jobs.run"
 """What the forked process calls, with the id of the job."""
 PATIENCE_S = 60.0
+REFUSED_S = 0.5
+"""Pause before a command that Redis refused is sent again [s]."""
 ALIVE_S = 20.0
 """A worker that has not been heard of for this long is taken for dead [s]; it speaks every 5 s at least."""
 SETTLED_S = 1.0
@@ -45,6 +49,23 @@ class WorkerState:
     queues: tuple[str, ...]
 
 
+class PatientRedis(Redis):
+    """A Redis that is also waited for while it refuses to write, as when its disk is full."""
+
+    patience_s = PATIENCE_S
+
+    def execute_command(self, *arguments: Any, **options: Any) -> Any:  # noqa: ANN401 - as the base has it
+        """Send a command until Redis takes it."""
+        deadline = time.monotonic() + self.patience_s
+        while True:
+            try:
+                return super().execute_command(*arguments, **options)  # type: ignore[no-untyped-call]
+            except redis.exceptions.ResponseError as error:
+                if "MISCONF" not in str(error) or time.monotonic() > deadline:
+                    raise
+            time.sleep(REFUSED_S)
+
+
 def connect(url: str, patience_s: float = PATIENCE_S) -> "Redis":
     """A connection to Redis that rides out an outage; it speaks text.
 
@@ -55,26 +76,33 @@ def connect(url: str, patience_s: float = PATIENCE_S) -> "Redis":
     """
     # 0.05, 0.1, 0.2, 0.4, 0.8, then every second, besides what each try itself takes.
     retries = max(1, round(patience_s + 3.45))
-    return Redis.from_url(
-        url,
-        decode_responses=True,
-        socket_timeout=5.0,
-        socket_connect_timeout=2.0,
-        health_check_interval=15,
-        retry=redis.retry.Retry(redis.backoff.ExponentialBackoff(cap=1.0, base=0.05), retries),
-        retry_on_error=[
-            redis.exceptions.ConnectionError,
-            redis.exceptions.TimeoutError,
-            redis.exceptions.BusyLoadingError,
-        ],
+    client = cast(
+        PatientRedis,
+        PatientRedis.from_url(
+            url,
+            decode_responses=True,
+            socket_timeout=5.0,
+            socket_connect_timeout=2.0,
+            health_check_interval=15,
+            retry=redis.retry.Retry(redis.backoff.ExponentialBackoff(cap=1.0, base=0.05), retries),
+            retry_on_error=[
+                redis.exceptions.ConnectionError,
+                redis.exceptions.TimeoutError,
+                redis.exceptions.BusyLoadingError,
+            ],
+        ),
     )
+    client.patience_s = patience_s
+    return client
 
 
 def in_bytes(client: "Redis") -> "Redis":
     """A connection like `client` that speaks bytes, as rq needs it."""
     pool = client.connection_pool
     settings = {**pool.connection_kwargs, "decode_responses": False}
-    return Redis(connection_pool=ConnectionPool(connection_class=pool.connection_class, **settings))
+    other = PatientRedis(connection_pool=ConnectionPool(connection_class=pool.connection_class, **settings))
+    other.patience_s = getattr(client, "patience_s", PATIENCE_S)
+    return other
 
 
 class Queues:

@@ -128,7 +128,7 @@ class Shepherd:
         over = time.monotonic()
         if code < 0 and asked is not None and over - asked >= self._grace_s:
             return self._records.hand_back(record.id, attempt)
-        return self._settle(record, attempt, code, over - began >= limit)
+        return self._settle(record, attempt, code, over - began > kind.limit_s + MERCY_S / 2)
 
     def _look_after(
         self, record: JobRecord, attempt: int, horse: Horse, heartbeat: Callable[[], None]

@@ -1,5 +1,6 @@
 """The loop of a worker: rq's, with our own processes. Beside `worker.queues`, all that knows rq."""
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from types import FrameType
@@ -80,11 +81,15 @@ class Stable(rq.Worker):
         """Rq's commands are not heard: a canceled job is stopped by its fence, and no thread is forked."""
 
 
-def work(make: Callable[[], Stable]) -> None:
-    """Work until told to stop; a loop that breaks off, as when Redis was away for long, is begun anew."""
-    while True:
+def work(make: Callable[[int], Stable]) -> None:
+    """Work until told to stop; a loop that breaks off, as when Redis was away for long, is begun anew.
+
+    Args:
+        make: Gives a loop, the first for 0; each with another name, since the last may not have signed off.
+    """
+    for number in itertools.count():
         try:
-            stable = make()
+            stable = make(number)
             stable.work(logging_level="WARNING")
             if stable.told_to_stop:
                 return
