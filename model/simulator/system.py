@@ -145,6 +145,10 @@ def check_shapes(module: Parametric, system: System, name: str) -> None:
             tuple(module.value(key).shape),
             module.own_size(constant.over) or system.size(constant.over),
         )
+        if (
+            constant.over == "scene"
+        ):  # scenes that are joined have one value for each of their edges or stencils
+            size = module.own_size("stencils") or system.size(getattr(module, "where", ""))
         if constant.over == "vector":
             fits = shape[-1:] == (3,)
         else:

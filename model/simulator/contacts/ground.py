@@ -36,7 +36,7 @@ class Ground(ContactTerm):
     constants: ClassVar[Mapping[str, Constant]] = {
         "restitution": Constant("1", "points", (0.0, 1.0)),
         "friction": Constant("1", "points", (0.0, 2.0)),
-        "height": Constant("m", "scene", (-1.0, 1.0), positive=False),
+        "height": Constant("m", "points", (-1.0, 1.0), positive=False),
     }
 
     def __init__(self, restitution: TensorLike, friction: TensorLike, height: TensorLike = 0.0) -> None:

@@ -8,5 +8,6 @@ from model.simulator.forces.gravity import Gravity
 from model.simulator.forces.spring import Spring
 from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
 from model.simulator.forces.volume import Volume
+from model.simulator.forces.weight import Weight
 
-ALL_FORCES = (Spring, ControllerSpring, Dashpot, UnprojectedDashpot, Gravity, Drag, Bending, Volume)
+ALL_FORCES = (Spring, ControllerSpring, Dashpot, UnprojectedDashpot, Gravity, Drag, Bending, Volume, Weight)

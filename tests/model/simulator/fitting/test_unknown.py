@@ -22,9 +22,8 @@ def test_coordinates_lead_back_to_values(chain, name):
     unknown = seek(chain(), name)
     torch.testing.assert_close(unknown.values(unknown.coordinates(unknown.start)), unknown.start)
     low, high = unknown.limits()
-    assert [float(unknown.values(torch.tensor(z).double())) for z in (low, high)] == pytest.approx(
-        unknown.bounds
-    )
+    ends = unknown.values(torch.tensor([low, high], dtype=torch.float64))
+    assert ends.tolist() == pytest.approx(unknown.bounds)
 
 
 def test_a_gradient_does_not_vanish_at_zero(chain):

@@ -47,9 +47,9 @@ def test_turns_with_the_world(kind, make, force_of, system, state, anchors, rota
     before = force_of(term, system, state, anchors)
     if "gravity" in kind.constants:  # its direction is part of the world
         term = kind(term.value("gravity") @ rotation.T)
-    if "x" in kind.constants:  # so is that of the wind
+    if "x" in kind.constants:  # so is that of the wind, and of a weight
         x, y, z = rotation @ torch.stack([term.value(axis) for axis in "xyz"])
-        term = kind(term.stencils, term.value("coefficient"), x, y, z)
+        term = term.with_values(x=x, y=y, z=z)
     after = force_of(term, system, turned, held)
     assert before.norm() > 0.1
     torch.testing.assert_close(after, before @ rotation.T, rtol=1e-10, atol=1e-12 * float(before.norm()))
