@@ -57,7 +57,7 @@ def _field(name: str, facts: Mapping[str, Any], required: bool) -> FormField:
         label=name.removesuffix("_m").replace("_", " ").capitalize()
         + (" [m]" if name.endswith("_m") else ""),
         control=_control(kind, choices),
-        help=facts.get("description", ""),
+        help=facts.get("description", "").replace("`", ""),
         value="" if facts.get("default") is None else str(facts["default"]),
         required=required,
         choices=choices,

@@ -43,7 +43,7 @@ function shadowOf(html) {
   const rules = [];
   const bare = html
     .replaceAll(/<style[^>]*>([\s\S]*?)<\/style>/gi, (_, text) => { rules.push(text); return ""; })
-    .replaceAll(/(<[a-z][^<>]*?\s)style=/gi, "$1data-style=");
+    .replaceAll(/<[a-z][^>]*>/gi, (tag) => tag.replaceAll(/\s(style|on\w+)\s*=/gi, " data-$1="));
   const parsed = new DOMParser().parseFromString(bare, "text/html");
   for (const node of parsed.querySelectorAll("script, iframe, frame, object, embed, link, meta, base, form")) node.remove();
   const sheet = new CSSStyleSheet();

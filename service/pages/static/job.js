@@ -19,13 +19,14 @@ export async function watch(root, url, signal, onChange = () => {}) {
     const before = job;
     job = { ...job, ...news };
     render(root, job);
-    if (before.status !== job.status || before === news) onChange(job);
+    if (before.status !== job.status) onChange(job);
     if (before.status !== job.status || before.stage !== job.stage) announce(sentence(job));
   };
   render(root, job);
   onChange(job);
-  const listening = FINAL.has(job.status) ? null : listen(job, stop.signal, show, () => wake());
-  listening?.catch(() => {}); // what it could not hear, the loop below asks for
+  const listening = listen($(".stages", root), job, stop.signal, show, () => wake());
+  listening.catch(() => {}); // what it could not hear, the loop below asks for
+  if (FINAL.has(job.status)) return job;
   while (!FINAL.has(job.status) && !signal.aborted) {
     await Promise.race([pause(REFRESH_S, signal), new Promise((resolve) => { wake = resolve; })]);
     if (signal.aborted) break;
@@ -38,21 +39,31 @@ export async function watch(root, url, signal, onChange = () => {}) {
       showProblem(root, error);
     }
   }
-  stop.abort();
   return signal.aborted ? undefined : job;
 }
 
-async function listen(job, signal, show, wake) {
+/** Hear the events to the last one; of a job that has ended they only tell how long its stages took. */
+async function listen(list, job, signal, show, wake) {
+  const over = FINAL.has(job.status);
+  const heard = []; // {stage, from, to}, of the newest attempt
   let known = job.status;
+  let attempt;
   for await (const event of follow(job.urls.events, signal)) {
     if (event.type === "broken") continue;
     let news;
     try { news = JSON.parse(event.data); } catch { continue; }
-    if (news.status !== known) wake(); // the job itself carries the times, and at the end files or the error
-    known = news.status;
-    if (FINAL.has(known)) return;
-    const { status, stage, progress } = news;
-    if (status) show({ status, stage, progress, ...(status !== "queued" && { queue_position: null }) });
+    const { status, stage, progress, at } = news;
+    if (news.attempt !== attempt) { attempt = news.attempt; heard.length = 0; }
+    const last = heard.at(-1);
+    if (last?.stage !== stage || FINAL.has(status)) {
+      if (last) last.to = at;
+      if (stage && stage !== "done" && status === "running") heard.push({ stage, from: at });
+    }
+    if (list) stages(list, heard, status);
+    if (!over && status !== known) wake(); // the job itself carries the times, and at the end files or the error
+    known = status;
+    if (FINAL.has(status)) return;
+    if (!over) show({ status, stage, progress, ...(status !== "queued" && { queue_position: null }) });
   }
 }
 
@@ -70,12 +81,11 @@ function render(root, job) {
   bar.value = job.progress;
   bar.hidden = FINAL.has(job.status);
   const running = job.status === "running" && job.started_at ? ` · ${duration(job.started_at)}` : "";
-  fill(root, { now: FINAL.has(job.status) && job.status === "succeeded" ? "" : sentence(job) + running, facts: facts(job) });
+  fill(root, { now: FINAL.has(job.status) ? "" : sentence(job) + running, facts: facts(job) });
   for (const name of ["cancel", "delete"]) {
     const button = $(`.${name}`, root);
     if (button) button.hidden = (name === "cancel") === FINAL.has(job.status);
   }
-  stages($(".stages", root), job);
   if (job.error) showProblem(root, problemOf(job));
 }
 
@@ -85,20 +95,17 @@ function facts(job) {
   return `${moment(job.created_at)}${made}${gone} · ${job.id}`;
 }
 
-/** Stages as they were heard of, the one under way last; a second attempt starts over. */
-function stages(list, job) {
-  if (!list) return;
-  const stage = job.status === "queued" ? null : job.stage;
-  const known = [...list.children].findIndex((item) => item.dataset.stage === stage);
-  if (!stage) { if (job.status === "queued") list.replaceChildren(); } else if (known >= 0) {
-    while (list.children.length > known + 1) list.lastElementChild.remove();
-  } else if (stage !== "done") list.append(element("li", { text: words(stage), "data-stage": stage }));
-  for (const item of list.children) {
-    const last = item === list.lastElementChild;
-    if (last && job.status === "running" && stage !== "done") item.setAttribute("aria-current", "step");
-    else item.removeAttribute("aria-current");
-    item.classList.toggle("broken", last && ["failed", "canceled"].includes(job.status));
-  }
+/** Stages as they were heard of; only the last one is under way. */
+function stages(list, heard, status) {
+  list.replaceChildren(...heard.map(({ stage, from, to }, i) => {
+    const item = element("li", { text: words(stage) });
+    const seconds = to && (Date.parse(to) - Date.parse(from)) / 1000;
+    if (to) item.append(" ", element("small", { text: `${seconds.toFixed(seconds < 9.95 ? 1 : 0)} s` }));
+    const last = i === heard.length - 1;
+    if (last && status === "running") item.setAttribute("aria-current", "step");
+    item.classList.toggle("broken", last && ["failed", "canceled"].includes(status));
+    return item;
+  }));
 }
 
 /** The buttons of a job; `onGone` is called once it is deleted. */

@@ -102,6 +102,7 @@ form.addEventListener("submit", (event) => { // before the other listener: the c
 onSubmit(form, () => "/twins", (job) => {
   rememberName(job.id, $("#clip").files[0].name);
   form.reset();
+  for (const folded of $$("details", form)) folded.open = false;
   showClip(null);
   location.hash = `#/twins/${job.id}`;
   refreshList().catch((error) => showProblem($("#list"), error));
@@ -166,7 +167,6 @@ async function showResult(box, job, signal) {
   }
   for (const section of $$(".child", box)) showChildren(section, job, signal);
   const [manifest, parts, parameters] = await Promise.all(["twin.json", "parts.json", "parameters.json"].map(read));
-  if (manifest.source?.name && !names[job.id]) fill($("#twin .job"), { name: manifest.source.name });
   renderTwin(box, { manifest, parts, parameters });
   const video = $("video", box);
   video.autoplay = !matchMedia("(prefers-reduced-motion: reduce)").matches;

@@ -58,7 +58,7 @@ function part(record) {
 function origin({ source = {}, version, metrics = {} }) {
   const percent = (share) => share != null && `${Math.round(100 * share)} %`;
   return [
-    ["Clip", source.frames && `${source.name ?? ""} ${source.frames} frames at ${number(source.fps)} per second, ${source.width} × ${source.height} px, reconstructed from frame ${source.keyframe}`],
+    ["Clip", source.frames && `${source.frames} frames at ${number(source.fps)} per second, ${source.width} × ${source.height} px, reconstructed from frame ${source.keyframe}`],
     ["Scale", source.scale],
     ["Gravity", source.gravity],
     ["Ground", source.ground],
