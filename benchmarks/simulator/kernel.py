@@ -1,6 +1,6 @@
 """The compiled kernel against plain torch, NVIDIA Warp, Newton and MuJoCo: time, memory, limits, exactness.
 
-Run: `python benchmarks/simulator/kernel.py [--repeats 15] [--clock cpu] [--only time frame …]`
+Run: `python benchmarks/simulator/kernel.py [--repeats 15] [--clock cpu] [--only time frame …] [--device cuda]`
 What a table compares is measured in turns, so that a busy machine slows all of it alike; figures are medians,
 with the quartiles of the ratio. On a machine that others use, `--clock cpu` counts only the time that the
 processor gave; the two-thread table always takes wall time. `none`: MuJoCo has no gradient of a step.
@@ -25,6 +25,7 @@ from peers import NAMES, STEPS, peers
 
 from model.simulator.kernel import build
 from model.simulator.kernel.call import Interval, slot_rows
+from model.simulator.kernel.cuda.kernel import CudaKernel
 from model.simulator.kernel.kernel import Kernel
 from model.simulator.kernel.layout import lay_out
 from model.simulator.simulator import Simulator
@@ -53,8 +54,9 @@ def in_turns(runs: dict[str, Run], repeats: int, clock: Callable[[], float]) -> 
 def kernel_run(simulator: Simulator, steps: int, dt: float, gradients: bool, checkpoint: bool = False) -> Run:
     """Run substeps through the kernel, with the backward pass to every stiffness where asked."""
     stiffness = simulator.force("spring").log_stiffness.requires_grad_(gradients)
-    kernel = Kernel(simulator.dynamics(), simulator.integrator, torch.Size(()))
     start, hands = simulator.rest_state(), simulator.system.controller_points
+    kind = CudaKernel if start.positions.is_cuda else Kernel
+    kernel = kind(simulator.dynamics(), simulator.integrator, torch.Size(()))
     interval = Interval(dt, steps, dt * steps)
 
     def run() -> torch.Tensor:
@@ -102,6 +104,41 @@ def time_table(repeats: int, clock: Callable[[], float]) -> None:
             micro = {name: 1e6 * value / steps[name] for name, value in seconds.items()}
             cells = [f"{np.median(micro[n]):.0f}" if n in micro else "none" for n in (*others, "kernel")]
             cells += [spread(micro[n] / micro["kernel"]) if n in micro else "none" for n in others]
+            print(
+                f"| {points} / {springs} | {'fwd+bwd' if gradients else 'fwd'} | " + " | ".join(cells) + " |"
+            )
+
+
+def device_table(repeats: int) -> None:
+    """Time per substep on a CUDA device, waited for, and of the processor's kernel on one thread."""
+    torch.set_num_threads(1)
+    names = ("torch", "Warp", "kernel", "processor")
+    print(f"\n## time per substep on {torch.cuda.get_device_name()}, and on one thread here [us]\n")
+    heads = [*names, *(f"{name}/kernel" for name in names if name != "kernel")]
+    print("| points / springs | pass | " + " | ".join(heads) + " |\n" + "|---" * (2 + len(heads)) + "|")
+    steps = {"torch": 5, "Warp": STEPS["Warp"], "kernel": 100, "processor": 100}
+
+    def waited(run: Run) -> Run:
+        def go() -> object:
+            done = run()
+            torch.cuda.synchronize()  # of the whole device, so Warp's streams too
+            return done
+
+        return go
+
+    for points, springs in SIZES:
+        here, there = scene(points, springs), scene(points, springs).to("cuda")
+        for gradients in (False, True):
+            runs = {
+                "torch": waited(oracle_run(there, steps["torch"], DT, gradients)),
+                "Warp": waited(WarpSprings(here, DT, steps["Warp"], gradients, "cuda").run),
+                "kernel": waited(kernel_run(there, steps["kernel"], DT, gradients)),
+                "processor": kernel_run(here, steps["processor"], DT, gradients),
+            }
+            seconds = in_turns(runs, repeats, time.perf_counter)
+            micro = {name: 1e6 * value / steps[name] for name, value in seconds.items()}
+            cells = [f"{np.median(micro[name]):.1f}" for name in names]
+            cells += [spread(micro[name] / micro["kernel"]) for name in names if name != "kernel"]
             print(
                 f"| {points} / {springs} | {'fwd+bwd' if gradients else 'fwd'} | " + " | ".join(cells) + " |"
             )
@@ -307,10 +344,18 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=15)
     parser.add_argument("--clock", choices=("wall", "cpu"), default="wall")
     parser.add_argument("--only", nargs="+", choices=tables, default=tables)
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="cuda: that table alone")
     parser.add_argument("--peak", nargs=2, type=int, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.peak:
         print(peak(*args.peak))
+        return
+    if args.device == "cuda":
+        if not torch.cuda.is_available():
+            sys.exit(
+                "--device cuda: torch sees no CUDA device here; use a machine with one and torch for CUDA"
+            )
+        device_table(args.repeats)
         return
     clock = time.process_time if args.clock == "cpu" else time.perf_counter
     runs = {

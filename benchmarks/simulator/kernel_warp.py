@@ -75,7 +75,9 @@ def move_points(
 class WarpSprings:
     """A number of substeps of a simulator's system, forward or with the gradient to every stiffness."""
 
-    def __init__(self, simulator: Simulator, dt: float, steps: int, gradients: bool) -> None:
+    def __init__(
+        self, simulator: Simulator, dt: float, steps: int, gradients: bool, device: str = "cpu"
+    ) -> None:
         """Allocate, and capture the graph."""
         system, edges = simulator.system, simulator.system.edges
         count = len(system.points)
@@ -85,22 +87,22 @@ class WarpSprings:
 
         def vectors(given=None) -> wp.array:
             data = np.zeros((count, 3), np.float32) if given is None else number(given)
-            return wp.array(data, dtype=wp.vec3, device="cpu", requires_grad=gradients)
+            return wp.array(data, dtype=wp.vec3, device=device, requires_grad=gradients)
 
         lengths = np.concatenate([number(system.value(n)) for n in ("rest_length", "controller_rest_length")])
         stiff = np.concatenate(
             [number(simulator.force(n).value("stiffness")) for n in ("spring", "controller_spring")]
         )
         ends = np.stack([edges.first.numpy(), edges.second.numpy()], 1).astype(np.int32)
-        self.stiffness = wp.array(stiff, dtype=float, device="cpu", requires_grad=gradients)
+        self.stiffness = wp.array(stiff, dtype=float, device=device, requires_grad=gradients)
         self.x = [vectors(system.points), *(vectors() for _ in range(steps))]
         self.v = [vectors() for _ in range(steps + 1)]
         force = [vectors() for _ in range(steps)]
-        hands = wp.array(number(system.controller_points), dtype=wp.vec3, device="cpu")
-        mass = wp.array(np.broadcast_to(number(system.value("mass")), count), dtype=float, device="cpu")
+        hands = wp.array(number(system.controller_points), dtype=wp.vec3, device=device)
+        mass = wp.array(np.broadcast_to(number(system.value("mass")), count), dtype=float, device=device)
         fixed = [
-            wp.array(ends, dtype=wp.vec2i, device="cpu"),
-            wp.array(lengths, dtype=float, device="cpu"),
+            wp.array(ends, dtype=wp.vec2i, device=device),
+            wp.array(lengths, dtype=float, device=device),
             self.stiffness,
             float(simulator.force("dashpot").value("dashpot_damping")),
         ]
@@ -111,15 +113,15 @@ class WarpSprings:
         def substeps() -> None:
             for s in range(steps):
                 given = [self.x[s], self.v[s], hands, count, *fixed]
-                wp.launch(pull_edges, dim=len(ends), inputs=given, outputs=[force[s]], device="cpu")
+                wp.launch(pull_edges, dim=len(ends), inputs=given, outputs=[force[s]], device=device)
                 given = [self.x[s], self.v[s], force[s], mass, *rates, dt]
                 after = [self.x[s + 1], self.v[s + 1]]
-                wp.launch(move_points, dim=count, inputs=given, outputs=after, device="cpu")
+                wp.launch(move_points, dim=count, inputs=given, outputs=after, device=device)
 
-        seed = wp.array(np.ones((count, 3), np.float32), dtype=wp.vec3, device="cpu")
-        wp.load_module(device="cpu")
+        seed = wp.array(np.ones((count, 3), np.float32), dtype=wp.vec3, device=device)
+        wp.load_module(device=device)
         states = [*self.x, *self.v, *force]
-        with wp.ScopedCapture(device="cpu") as capture:
+        with wp.ScopedCapture(device=device) as capture:
             for f in force:
                 f.zero_()
             if gradients:
