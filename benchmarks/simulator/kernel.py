@@ -1,6 +1,6 @@
 """The compiled kernel against plain torch, NVIDIA Warp, Newton and MuJoCo: time, memory, limits, exactness.
 
-Run: `python benchmarks/simulator/kernel.py [--repeats 15] [--clock cpu] [--only time frame …] [--device cuda]`
+Run: `python benchmarks/simulator/kernel.py [--repeats 15] [--clock cpu] [--only time …] [--device cuda]`
 What a table compares is measured in turns, so that a busy machine slows all of it alike; figures are medians,
 with the quartiles of the ratio. On a machine that others use, `--clock cpu` counts only the time that the
 processor gave; the two-thread table always takes wall time. `none`: MuJoCo has no gradient of a step.
@@ -352,9 +352,7 @@ def main() -> None:
         return
     if args.device == "cuda":
         if not torch.cuda.is_available():
-            sys.exit(
-                "--device cuda: torch sees no CUDA device here; use a machine with one and torch for CUDA"
-            )
+            parser.exit(2, "--device cuda: torch sees no CUDA device here\n")
         device_table(args.repeats)
         return
     clock = time.process_time if args.clock == "cpu" else time.perf_counter
