@@ -1,6 +1,7 @@
 """The body of a request becomes files of ours: streamed, counted, hashed, and on the disk."""
 
 import asyncio
+import contextlib
 import hashlib
 import os
 import shutil
@@ -14,22 +15,20 @@ from pathlib import Path
 from uuid import uuid4
 
 from fastapi.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 
 from service.errors import ProblemError
 from service.multipart import FormReader
 from service.settings import MEBIBYTE
 
-RAW_TYPES = (
-    "",
-    "application/octet-stream",
-    "binary/octet-stream",
-    "application/mp4",
-    "application/x-matroska",
-)
-"""Media types of a body that is the file itself, besides `video/*`; "" where the client names none."""
+BYTES = "application/octet-stream"
+RAW_TYPES = (BYTES, "binary/octet-stream", "application/mp4", "application/x-matroska")
+"""Media types of a body that is the file itself, besides `video/*`."""
 FORM_OVERHEAD = MEBIBYTE
 """Bytes of a form that are not its files."""
+LINGER_BYTES = 16 * MEBIBYTE
+LINGER_SECONDS = 2.0
+"""How much of a body that is refused is still listened to."""
 STALE_SECONDS = 6 * 3600.0
 """Whatever an upload left behind that long ago belongs to nobody."""
 
@@ -86,10 +85,15 @@ class Intake:
         await run_in_threadpool(folder.mkdir, 0o700, True)
         sink = _Sink(folder, limits)
         try:
-            if main is None:
-                yield await self._form(request, boundary, sink, limits)
-            else:
-                yield await self._raw(request, main, sink)
+            try:
+                if main is None:
+                    upload = await self._form(request, boundary, sink, limits)
+                else:
+                    upload = await self._raw(request, main, sink)
+            except ProblemError:
+                await _listen_on(request)
+                raise
+            yield upload
         finally:
             sink.abandon()
             await run_in_threadpool(shutil.rmtree, folder, True)
@@ -187,9 +191,10 @@ def _content_type(request: Request, names: Sequence[str]) -> tuple[str | None, s
     """Which input a raw body is; None: it is a form, with this boundary."""
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise ProblemError("unsupported-media-type", "send the body as it is, without a Content-Encoding")
+    content_type = request.headers.get("content-type", BYTES)
     message = Message()
-    message["Content-Type"] = request.headers.get("content-type", "").replace("\n", " ")
-    media_type = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    message["Content-Type"] = content_type
+    media_type = content_type.partition(";")[0].strip().lower()
     if media_type == "multipart/form-data":
         boundary = message.get_param("boundary")
         if not isinstance(boundary, str) or not boundary:
@@ -203,6 +208,19 @@ def _content_type(request: Request, names: Sequence[str]) -> tuple[str | None, s
         "unsupported-media-type",
         f"send the {names[0]} as a body of type application/octet-stream, or a form (multipart/form-data)",
     )
+
+
+async def _listen_on(request: Request) -> None:
+    """Let a client that is still sending finish, for a moment: one that is cut off does not hear why."""
+    heard = 0
+    with contextlib.suppress(
+        TimeoutError, ClientDisconnect, RuntimeError
+    ):  # the last: it was read to the end
+        async with asyncio.timeout(LINGER_SECONDS):
+            async for chunk in request.stream():
+                heard += len(chunk)
+                if heard > LINGER_BYTES:
+                    return
 
 
 def _declared_length(request: Request, limit: int) -> int:

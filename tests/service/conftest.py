@@ -1,9 +1,10 @@
 """A front over a real Redis and a real store, asked over real HTTP; no worker: tests do what one would."""
 
-import io
 import socket
+import tempfile
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -67,6 +68,33 @@ def redis_server(tmp_path_factory) -> Iterator[EmbeddedRedis]:
         yield server
 
 
+def front_settings(redis_url: str, data: Path, **changes) -> Settings:
+    chosen = Settings(
+        redis_url=redis_url,
+        store_url=f"file://{data / 'store'}",
+        data_dir=data,
+        max_upload_mib=4,
+        min_free_mib=1,
+        idle_seconds=2.0,
+    )
+    return replace(chosen, **changes)
+
+
+@contextmanager
+def running_front(settings: Settings, children=()) -> Iterator[Serving]:
+    with connect(settings.redis_url) as client, socket.create_server(("127.0.0.1", 0)) as listener:
+        app = create_app(settings, children)
+        config = uvicorn.Config(app, log_config=None, access_log=False, timeout_graceful_shutdown=3)
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+        thread.start()
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+        yield Serving(url, settings, ApiKeys(client), Records(client), Storage(settings.store_url))
+        server.should_exit = True
+        thread.join(10)
+        assert not thread.is_alive()
+
+
 @pytest.fixture
 def redis_url(redis_server) -> str:
     with connect(redis_server.url) as client:
@@ -76,43 +104,29 @@ def redis_url(redis_server) -> str:
 
 @pytest.fixture
 def settings(redis_url, tmp_path) -> Settings:
-    data = tmp_path / "data"
-    return Settings(
-        redis_url=redis_url,
-        store_url=f"file://{data / 'store'}",
-        data_dir=data,
-        max_upload_mib=4,
-        min_free_mib=1,
-        idle_seconds=2.0,
-    )
+    return front_settings(redis_url, tmp_path / "data")
 
 
 @pytest.fixture
 def serve(settings) -> Iterator:
     """Starts a front: `serve(max_jobs=1)`, `serve(children=(…,))`."""
-    started = []
-
-    def start(children=(), **changes) -> Serving:
-        chosen = replace(settings, **changes)
-        listener = socket.create_server(("127.0.0.1", 0))
-        config = uvicorn.Config(
-            create_app(chosen, children), log_config=None, access_log=False, timeout_graceful_shutdown=3
+    with ExitStack() as stack:
+        yield lambda children=(), **changes: stack.enter_context(
+            running_front(replace(settings, **changes), children)
         )
-        server = uvicorn.Server(config)
-        thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
-        thread.start()
-        client = connect(chosen.redis_url)
-        started.append((server, thread, client, listener))
-        url = f"http://127.0.0.1:{listener.getsockname()[1]}"
-        return Serving(url, chosen, ApiKeys(client), Records(client), Storage(chosen.store_url))
 
-    yield start
-    for server, thread, client, listener in started:
-        server.should_exit = True
-        thread.join(10)
-        client.close()
-        listener.close()
-        assert not thread.is_alive()
+
+@pytest.fixture(scope="module")
+def patient(redis_server, tmp_path_factory) -> Iterator[Serving]:
+    """One front for all tests of a module, which asks for no restraint."""
+    with connect(redis_server.url) as client:
+        client.flushall()
+    data = tmp_path_factory.mktemp("patient")
+    limits = {
+        name: 10**6 for name in ("submissions_per_minute", "requests_per_minute", "refusals_per_minute")
+    }
+    with running_front(front_settings(redis_server.url, data, **limits)) as serving:
+        yield serving
 
 
 @pytest.fixture
@@ -126,24 +140,34 @@ def http(serving) -> Iterator[httpx.Client]:
         yield client
 
 
+def make_clip(
+    frames: int = 6,
+    size: tuple[int, int] = (64, 48),
+    container: str = "mp4",
+    rate: int = 30,
+    codec: str = "mpeg4",
+) -> bytes:
+    options = {"movflags": "faststart"} if container == "mp4" else {}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "clip"
+        with av.open(str(path), "w", format=container, options=options) as out:
+            stream = out.add_stream(codec, rate=rate)
+            stream.width, stream.height, stream.pix_fmt = *size, "yuvj420p" if codec == "mjpeg" else "yuv420p"
+            for index in range(frames):
+                image = np.zeros((size[1], size[0], 3), np.uint8)
+                image[:, index % size[0] :][:, :8] = 255
+                out.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
+            out.mux(stream.encode())
+        return path.read_bytes()
+
+
 @pytest.fixture(scope="session")
 def clip() -> bytes:
     """A tiny MP4 of something that moves."""
     return make_clip()
 
 
-def make_clip(
-    frames: int = 6, size: tuple[int, int] = (64, 48), container: str = "mp4", rate: int = 30
-) -> bytes:
-    target = io.BytesIO()
-    with av.open(target, "w", format=container) as out:
-        stream = out.add_stream("mpeg4", rate=rate)
-        stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"
-        for index in range(frames):
-            image = np.zeros((size[1], size[0], 3), np.uint8)
-            image[:, index : index + 8] = 255
-            for packet in stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")):
-                out.mux(packet)
-        for packet in stream.encode():
-            out.mux(packet)
-    return target.getvalue()
+@pytest.fixture(scope="session")
+def film():
+    """Makes clips: `film(frames=…, size=…, container=…, rate=…)`."""
+    return make_clip
