@@ -26,6 +26,7 @@ static const Known KNOWN[] = {
 };
 
 extern "C" {
+int last_first = 0;  // the other way round: where a thread depends on another one, something changes
 CUresult cuInit(unsigned flags) { return flags ? INVALID : GOOD; }
 CUresult cuDeviceGet(CUdevice *device, int ordinal) { *device = ordinal; return ordinal ? INVALID : GOOD; }
 CUresult cuDevicePrimaryCtxRetain(CUcontext *context, CUdevice) { *context = CUcontext(&CONTEXT); return GOOD; }
@@ -53,10 +54,12 @@ CUresult cuLaunchKernel(CUfunction function, unsigned x, unsigned y, unsigned z,
   if (!pushed) return NO_CONTEXT;
   if (!x || !y || z != 1 || !threads || deep != 1 || deeper != 1 || shared || stream || extra) return INVALID;
   blockDim = {threads, 1, 1};
-  const Known *known = (const Known *)function;
-  for (blockIdx.y = 0; blockIdx.y < y; ++blockIdx.y)
-    for (blockIdx.x = 0; blockIdx.x < x; ++blockIdx.x)
-      for (threadIdx.x = 0; threadIdx.x < threads; ++threadIdx.x) known->run(*(const Frame *)told[0], *(const int *)told[1]);
+  for (unsigned i = 0; i < x * y * threads; ++i) {
+    const unsigned turn = last_first ? x * y * threads - 1 - i : i;
+    blockIdx = {turn / threads % x, turn / threads / x, 0};
+    threadIdx = {turn % threads, 0, 0};
+    ((const Known *)function)->run(*(const Frame *)told[0], *(const int *)told[1]);
+  }
   return GOOD;
 }
 CUresult cuGetErrorString(CUresult error, const char **text) {

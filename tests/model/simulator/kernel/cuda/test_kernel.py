@@ -1,15 +1,25 @@
 """What is the CUDA kernel's own. That it says what the oracle says is tested with the processor's kernel."""
 
+import ctypes
+from types import SimpleNamespace
+from unittest.mock import create_autospec
+
 import pytest
 import torch
 
+from model.simulator.backend import choose_path
+from model.simulator.dynamics import Dynamics
+from model.simulator.forces.bending import Bending
 from model.simulator.forces.spring import Spring
+from model.simulator.forces.volume import Volume
+from model.simulator.integrators.semi_implicit_euler import SemiImplicitEuler
 from model.simulator.kernel.build import CannotBuild
 from model.simulator.kernel.cuda.kernel import CudaKernel
+from model.simulator.kernel.cuda.module import Module
 from model.simulator.kernel.terms import Inexpressible
 from model.simulator.simulator import Simulator
 from model.simulator.stability import differentiate
-from model.simulator.system import Anchors
+from model.simulator.system import Anchors, State
 
 
 @pytest.fixture
@@ -34,12 +44,35 @@ def test_slopes_are_those_of_reverse_differentiation(scene, kernel, apart):
     assert all(apart(*pair) < 1e-12 for pair in zip(found, expected, strict=True))
 
 
-@pytest.mark.usefixtures("engine")
-def test_the_same_run_gives_the_same_numbers(scene):
-    made = scene(torch.float32)
-    first, second = (made.roll("kernel") for _ in range(2))
-    assert torch.equal(first[0].points, second[0].points)
-    assert all(torch.equal(first[1][name], second[1][name]) for name in first[1])
+def test_no_thread_depends_on_another(scene, serial_driver, monkeypatch):
+    drivers = []
+
+    def loader(source, device):
+        drivers.append(serial_driver(source))
+        return Module(drivers[-1], b"serial", device)
+
+    monkeypatch.setattr("model.simulator.backend.Kernel", lambda *terms: CudaKernel(*terms, loader=loader))
+    groups = torch.arange(60).reshape(15, 4)
+    forces = [Volume(groups, 1e3, torch.full((15,), 1e-6)), Bending(groups[:, :3], 1e-5, 0.05, 1.0)]
+    made = scene(batch=(2,), forces=forces)
+    rollout, gradients = made.roll("kernel")
+    order = ctypes.c_int.in_dll(drivers[0], "last_first")
+    order.value = 1
+    try:
+        again, back = made.roll("kernel")
+    finally:
+        order.value = 0
+    assert torch.equal(again.points, rollout.points)
+    assert all(torch.equal(back[name], gradients[name]) for name in gradients)
+
+
+def test_simulators_on_a_device_get_it(monkeypatch):
+    dynamics, made = create_autospec(Dynamics, instance=True), create_autospec(CudaKernel, instance=True)
+    dynamics.mass, dynamics.contacts = SimpleNamespace(device=torch.device("cuda", 1)), []
+    monkeypatch.setattr("model.simulator.backend.CudaKernel", lambda *terms: made)
+    path = choose_path("kernel", dynamics, SemiImplicitEuler(), torch.Size(()))
+    path.slopes(State(torch.zeros(1, 3), torch.zeros(1, 3)), None)
+    made.slopes.assert_called_once()
 
 
 def test_what_a_launch_cannot_hold_is_said(scene, kernel):
