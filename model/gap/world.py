@@ -11,7 +11,7 @@ from torch import Tensor
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.forces.base import ForceTerm
 from model.simulator.forces.gravity import Gravity
-from model.simulator.simulator import Rollout, Simulator
+from model.simulator.simulator import Lead, Rollout, Simulator
 from model.simulator.system import State, System
 from model.types import Array
 
@@ -65,8 +65,12 @@ class World:
 
     @property
     def spacing(self) -> float:
-        """Median rest length of the springs [m]."""
-        return float(self.system.value("rest_length").detach().expand(len(self.system.springs)).median())
+        """Median length of the springs at rest [m]; the size of the object where there is none."""
+        points = self.system.points
+        if not len(self.system.springs):
+            return float((points.amax(0) - points.amin(0)).norm())
+        ends = points[self.system.springs]
+        return float((ends[:, 1] - ends[:, 0]).norm(dim=-1).median())
 
     def with_force(self, force: ForceTerm) -> "World":
         """The same world with a force more, or in place of the one of its name."""
@@ -86,6 +90,7 @@ class World:
         first: int = 0,
         last: int | None = None,
         substeps: int | None = None,
+        lead: Lead | None = None,
     ) -> Rollout:
         """Move from frame `first` to frame `last`, both included.
 
@@ -94,6 +99,7 @@ class World:
             first: Frame to start from.
             last: Frame to end with; None: the last there is.
             substeps: Per frame; None: as many as stability asks for.
+            lead: Called after each frame, counted from `first`; see `Simulator.rollout`.
         """
         last = len(self.times) - 1 if last is None else last
         held = None if self.controls is None else self.controls[first : last + 1]
@@ -103,4 +109,5 @@ class World:
             times=np.asarray(self.times[first : last + 1]),
             substeps=substeps,
             checkpoint=True,
+            lead=lead,
         )

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, no_grip
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, no_grip
 from model.gap.effects.grip_slip import GripSlip
 from model.gap.world import World
 
@@ -25,6 +25,7 @@ class ActuationDelay(Effect):
     acts = "hand"
     quantities: ClassVar[Mapping[str, Quantity]] = {"delay": Quantity("s", (-0.25, 0.25), 0.02)}
     absent: ClassVar[Mapping[str, float]] = {"delay": 0.0}
+    grid: ClassVar[Grid] = {"delay": (-0.03, 0.03)}
     confused_with: ClassVar[Mapping[str, str]] = {
         "grip_slip": "move to and fro with reversals",
         "viscoelasticity": "move to and fro with reversals",

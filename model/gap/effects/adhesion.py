@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, no_ground, on_points
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, no_ground, on_points
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
@@ -63,6 +63,7 @@ class GroundAdhesion(Effect):
         "reach": Quantity("m", (0.001, 0.03), 0.005, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"pull_per_mass": 0.0}
+    grid: ClassVar[Grid] = {"reach": (0.002, 0.008, 0.02)}
     terms = (Adhesion,)
     confused_with: ClassVar[Mapping[str, str]] = {"static_friction": "lift it straight up"}
 

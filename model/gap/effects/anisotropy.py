@@ -8,6 +8,7 @@ import torch
 from model.gap.effects.base import (
     Effect,
     Field,
+    Grid,
     Quantity,
     Values,
     no_springs,
@@ -72,6 +73,7 @@ class Anisotropy(Effect):
         "elevation": Quantity("rad", (-1.6, 1.6), 0.1),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
+    grid: ClassVar[Grid] = {"azimuth": (0.0, 0.79, 1.57, 2.36), "elevation": (0.0, 0.79, 1.57)}
     terms = (FibreSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "strain_stiffening": "stretch along two axes",

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypeAlias
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -14,6 +15,7 @@ from model.simulator.contacts.base import ContactTerm
 from model.simulator.forces.base import ForceTerm
 from model.simulator.forces.spring import Spring
 
+Grid: TypeAlias = Mapping[str, tuple[float, ...]]
 Values: TypeAlias = Mapping[str, Tensor]
 """One scalar tensor for each quantity of an effect, or one of shape [*b, 1] for many worlds at once."""
 Field: TypeAlias = Float[Tensor, " P"]
@@ -48,6 +50,10 @@ class Effect(ABC):
     quantities: ClassVar[Mapping[str, Quantity]]
     absent: ClassVar[Mapping[str, float]]
     """Values of some quantities at which nothing is different."""
+    grid: ClassVar[Grid] = {}
+    """Values of some quantities that a screen tries in all combinations; the others are at their start."""
+    together: ClassVar[bool] = True
+    """Many values of its quantities can be rolled out at once."""
     terms: ClassVar[tuple[type[ForceTerm] | type[ContactTerm], ...]] = ()
     """What it adds to a simulator; the property tests hold them to what they claim."""
     confused_with: ClassVar[Mapping[str, str]] = {}
@@ -84,16 +90,20 @@ def on_springs(world: World, where: Field | None) -> Float[Tensor, " E"]:
     return field
 
 
-def spring_stiffness(world: World) -> Float[Tensor, " E"]:
+def spring_stiffness(world: World) -> Float[Tensor, "*b E"]:
     """Stiffness of every spring [N/m], on the graph of what it depends on."""
     spring = world.simulator.force("spring")
     assert isinstance(spring, Spring)
-    return spring.value("stiffness").expand(len(world.system.springs))
+    return _each(spring.value("stiffness"), len(world.system.springs))
 
 
-def mass_of(world: World) -> Float[Tensor, " P"]:
+def mass_of(world: World) -> Float[Tensor, "*b P"]:
     """Mass of every point [kg], on the graph of what it depends on."""
-    return world.system.value("mass").expand(len(world.system.points))
+    return _each(world.system.value("mass"), len(world.system.points))
+
+
+def _each(values: Tensor, count: int) -> Tensor:
+    return values if values.ndim and values.shape[-1] == count else values.expand(*values.shape[:-1], count)
 
 
 def no_ground(world: World) -> str | None:
@@ -114,6 +124,7 @@ def no_grip(world: World) -> str | None:
 
 def vector(*components: Tensor) -> Float[Tensor, "*b n"]:
     """Quantities as one vector."""
-    parts = torch.broadcast_tensors(*components)
-    joined: Tensor = torch.stack(parts) if parts[0].ndim == 0 else torch.cat(parts, -1)
+    shape = np.broadcast_shapes(*(component.shape for component in components))
+    parts = [component.expand(shape) for component in components]
+    joined: Tensor = torch.stack(parts) if not shape else torch.cat(parts, -1)
     return joined

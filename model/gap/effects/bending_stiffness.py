@@ -6,22 +6,27 @@ from typing import ClassVar
 import numpy as np
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, on_points
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, on_points
 from model.gap.structure import rows, spans, turns
 from model.gap.world import World
 from model.simulator.forces.bending import Bending
 
 
 class BendingStiffness(Effect):
-    """Every row of points bends like an elastic rod that is unloaded in the rest shape."""
+    """Every row of points bends like an elastic rod, at rest between straight and as it is seen at first."""
 
     name = "bending_stiffness"
     source = Bending.__doc__ or ""
     acts = "body"
     quantities: ClassVar[Mapping[str, Quantity]] = {
-        "bending_stiffness": Quantity("N·m²", (1e-8, 1.0), 1e-4, log=True)
+        "bending_stiffness": Quantity("N·m²", (1e-8, 1.0), 1e-4, log=True),
+        "memory_of_shape": Quantity("1", (0.0, 1.0), 0.5),
     }
     absent: ClassVar[Mapping[str, float]] = {"bending_stiffness": 0.0}
+    grid: ClassVar[Grid] = {
+        "bending_stiffness": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2),
+        "memory_of_shape": (0.0, 1.0),
+    }
     terms = (Bending,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "tension_only": "let it stick out over an edge",
@@ -42,7 +47,7 @@ class BendingStiffness(Effect):
                 torch.from_numpy(triples),
                 bending_stiffness=values["bending_stiffness"] * share.to(values["bending_stiffness"]),
                 span=spans(points, triples),
-                rest_turn=turns(points, triples),
+                rest_turn=values["memory_of_shape"] * torch.from_numpy(turns(points, triples)),
             )
         )
 

@@ -5,7 +5,16 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.effects.base import (
+    Effect,
+    Field,
+    Grid,
+    Quantity,
+    Values,
+    no_springs,
+    on_springs,
+    spring_stiffness,
+)
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
@@ -70,6 +79,7 @@ class Damage(Effect):
         "damage_strain": Quantity("1", (0.005, 0.5), 0.05, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"softening": 0.0}
+    grid: ClassVar[Grid] = {"damage_strain": (0.01, 0.05, 0.2)}
     terms = (DamagedSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "plasticity": "stretch to the same length again",

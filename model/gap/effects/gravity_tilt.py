@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, vector
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, vector
 from model.gap.world import World
 from model.simulator.forces.gravity import Gravity
 
@@ -21,6 +21,7 @@ class GravityTilt(Effect):
         "about_y": Quantity("rad", (-0.5, 0.5), 0.02),
     }
     absent: ClassVar[Mapping[str, float]] = {"about_x": 0.0, "about_y": 0.0}
+    grid: ClassVar[Grid] = {"about_x": (-0.05, 0.0, 0.05), "about_y": (-0.05, 0.0, 0.05)}
     terms = (Gravity,)
     confused_with: ClassVar[Mapping[str, str]] = {"wind": "turn the set-up about the vertical"}
 

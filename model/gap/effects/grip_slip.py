@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, no_grip
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, no_grip
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.forces.controller import ControllerSpring
@@ -64,6 +64,7 @@ class GripSlip(Effect):
         "load_limit": Quantity("weights per grip point", (0.01, 10.0), 0.5, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"slip_rate": 0.0}
+    grid: ClassVar[Grid] = {"load_limit": (0.05, 0.3, 1.5)}
     terms = (SlippingGrip,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "plasticity": "grip it again",
@@ -79,8 +80,9 @@ class GripSlip(Effect):
         grip = world.simulator.force("controller_spring")
         assert isinstance(grip, ControllerSpring)
         count = world.system.edges.controller_spring_count
-        share = float(mass_of(world).detach().sum()) * float(world.gravity.norm()) / count
-        stiffness = grip.value("stiffness").expand(count)
+        share = float(mass_of(world).detach().mean()) * len(world.system.points) / count
+        share *= float(world.gravity.norm())
+        stiffness = grip.value("stiffness")
         return world.with_force(SlippingGrip(stiffness, values["slip_rate"], values["load_limit"] * share))
 
     def strength(self, world: World, values: Values, where: Field | None = None) -> Field:

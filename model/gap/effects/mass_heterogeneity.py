@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, on_points, vector
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, on_points, vector
 from model.gap.world import World
 from model.simulator.system import System
 
@@ -30,6 +30,7 @@ class MassHeterogeneity(Effect):
         "radius": Quantity("1", (0.05, 0.5), 0.25, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
+    grid: ClassVar[Grid] = {"x": (0.1, 0.5, 0.9), "y": (0.1, 0.5, 0.9), "z": (0.1, 0.5, 0.9)}
     confused_with: ClassVar[Mapping[str, str]] = {
         "wind": "shake it",
         "gravity_tilt": "shake it",

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, on_points
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, on_points
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
@@ -56,6 +56,7 @@ class QuadraticAirDrag(Effect):
         "drag_per_mass": Quantity("1/m", (0.005, 30.0), 0.5, log=True)
     }
     absent: ClassVar[Mapping[str, float]] = {"drag_per_mass": 0.0}
+    grid: ClassVar[Grid] = {"drag_per_mass": (0.1, 0.5, 2.5)}
     terms = (AirDrag,)
     confused_with: ClassVar[Mapping[str, str]] = {"wind": "hold it still for a second"}
 

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values
 from model.gap.world import World
 from model.simulator.contacts.self_collision import SelfCollision
 
@@ -21,6 +21,8 @@ class SelfContact(Effect):
         "friction": Quantity("1", (0.0, 2.0), 0.3),
     }
     absent: ClassVar[Mapping[str, float]] = {"distance": 0.0}
+    grid: ClassVar[Grid] = {"distance": (0.5, 0.9)}
+    together = False
     terms = (SelfCollision,)
     confused_with: ClassVar[Mapping[str, str]] = {"tension_only": "fold it so that its sides touch"}
 

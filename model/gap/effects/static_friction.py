@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, no_ground, on_points
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, no_ground, on_points
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
@@ -84,6 +84,7 @@ class StaticFriction(Effect):
         "slip_speed": Quantity("m/s", (0.02, 1.0), 0.1, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess_per_mass": 0.0}
+    grid: ClassVar[Grid] = {"slip_speed": (0.05, 0.3)}
     terms = (Stribeck,)
     confused_with: ClassVar[Mapping[str, str]] = {"adhesion": "drag it slowly and fast, without lifting it"}
 

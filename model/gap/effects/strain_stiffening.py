@@ -3,7 +3,16 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.effects.base import (
+    Effect,
+    Field,
+    Grid,
+    Quantity,
+    Values,
+    no_springs,
+    on_springs,
+    spring_stiffness,
+)
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
@@ -63,6 +72,7 @@ class StrainStiffening(Effect):
         "stiffening": Quantity("1", (0.1, 2000.0), 20.0, log=True)
     }
     absent: ClassVar[Mapping[str, float]] = {"stiffening": 0.0}
+    grid: ClassVar[Grid] = {"stiffening": (5.0, 60.0, 500.0)}
     terms = (CubicSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "damage": "stretch up and down a staircase",

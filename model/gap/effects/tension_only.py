@@ -5,7 +5,16 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.effects.base import (
+    Effect,
+    Field,
+    Grid,
+    Quantity,
+    Values,
+    no_springs,
+    on_springs,
+    spring_stiffness,
+)
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
@@ -59,6 +68,7 @@ class TensionOnly(Effect):
     acts = "body"
     quantities: ClassVar[Mapping[str, Quantity]] = {"slackness": Quantity("1", (0.0, 0.98), 0.3)}
     absent: ClassVar[Mapping[str, float]] = {"slackness": 0.0}
+    grid: ClassVar[Grid] = {"slackness": (0.3, 0.8)}
     terms = (SlackSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "bending_stiffness": "fold it, and let it hang over an edge",

@@ -5,7 +5,16 @@ from typing import ClassVar
 
 import torch
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, no_springs, on_springs, spring_stiffness
+from model.gap.effects.base import (
+    Effect,
+    Field,
+    Grid,
+    Quantity,
+    Values,
+    no_springs,
+    on_springs,
+    spring_stiffness,
+)
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
@@ -71,6 +80,7 @@ class Viscoelasticity(Effect):
         "relaxation_time": Quantity("s", (0.02, 3.0), 0.3, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"branch": 0.0}
+    grid: ClassVar[Grid] = {"relaxation_time": (0.06, 0.25, 1.0)}
     terms = (MaxwellBranch,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "plasticity": "hold it, then let go and wait",

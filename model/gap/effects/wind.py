@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.base import Effect, Field, Quantity, Values, mass_of, on_points
+from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, on_points
 from model.gap.effects.quadratic_air_drag import SLOWEST
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
@@ -70,6 +70,7 @@ class SteadyWind(Effect):
         "y": Quantity("m/s", (-8.0, 8.0), 0.5),
     }
     absent: ClassVar[Mapping[str, float]] = {"drag_per_mass": 0.0}
+    grid: ClassVar[Grid] = {"x": (-1.5, 0.0, 1.5), "y": (-1.5, 0.0, 1.5)}
     terms = (Wind,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "gravity_tilt": "turn the set-up about the vertical, or move fast with and against it",

@@ -1,0 +1,144 @@
+"""Mass points and springs for an object of which only moving surface points are known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
+
+from model.errors import InputError
+from model.gap.bodies.guess import Shape, guess_shape
+from model.gap.bodies.neighbours import farthest_points
+from model.gap.bodies.rope import chain
+from model.gap.bodies.sheet import net
+from model.gap.bodies.solid import lattice
+from model.types import Array, Observation
+
+CORNERS = 4
+"""An observed point is between this many mass points."""
+
+
+@dataclass(frozen=True)
+class Body:
+    """An object to simulate: where its mass is, what joins it, and what of it is seen."""
+
+    shape: Shape
+    points: Float64[Array, "P 3"]
+    """Rest places [m]."""
+    springs: Int64[Array, "E 2"]
+    share: Float64[Array, " P"]
+    """Of the mass, sums to 1."""
+    index: Int64[Array, "N k"]
+    """The mass points that each observed point is between."""
+    weight: Float64[Array, "N k"]
+    grip: Int64[Array, "S 2"]
+    """(controller, point)."""
+    spacing: float
+    """Of the points [m]."""
+
+
+def body_of(observation: Observation, shape: Shape | None = None, scale: float = 1.0) -> Body:
+    """Fill what is seen with mass points and join them.
+
+    Args:
+        observation: Its first frame is the rest shape; points not seen there are placed by their neighbours.
+        shape: What the object is; None: guessed from how its points lie.
+        scale: Of the spacing; another value gives another lattice for the same object.
+
+    Raises:
+        InputError: fewer than three points are ever seen.
+    """
+    seen = first_places(observation)
+    places = seen[np.isfinite(seen[:, 0])]
+    if len(places) < 3:
+        raise InputError("points: fewer than three are ever seen: nothing to build a body of")
+    controllers = observation.controllers[0].astype(np.float64)
+    shape = shape or guess_shape(places)
+    if shape == "rope":
+        points, springs, spacing = chain(places, controllers, scale)
+    elif shape == "sheet":
+        points, springs, spacing = net(places, scale)
+    else:
+        points, springs, spacing = lattice(places, scale)
+    points, springs = _held_points(points, springs, controllers, spacing)
+    index, weight = _between(seen, points)
+    grip = _grip(points, controllers, spacing)
+    return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
+
+
+def first_places(observation: Observation) -> Float64[Array, "N 3"]:
+    """Where each point is in the first frame [m]; NaN for one that is never seen.
+
+    One that is hidden at first is put where it is first seen, less how far its neighbours have moved by then.
+    """
+    points: Float64[Array, "T N 3"] = observation.points.astype(np.float64)
+    seen = np.isfinite(points[..., 0])
+    places: Float64[Array, "N 3"] = points[0].copy()
+    known = np.flatnonzero(seen[0])
+    for i in np.flatnonzero(~seen[0] & seen.any(0)):
+        frame = int(seen[:, i].argmax())
+        both = known[seen[frame, known]]
+        if not len(both):
+            places[i] = points[frame, i]
+            continue
+        near = both[np.argsort(np.linalg.norm(points[frame, both] - points[frame, i], axis=1))[:4]]
+        places[i] = points[frame, i] - (points[frame, near] - points[0, near]).mean(0)
+    return places
+
+
+def _held_points(
+    points: Float64[Array, "P 3"],
+    springs: Int64[Array, "E 2"],
+    controllers: Float64[Array, "C 3"],
+    spacing: float,
+) -> tuple[Float64[Array, "p 3"], Int64[Array, "e 2"]]:
+    """A controller near the body, yet not at any point of it, gets a point of its own."""
+    if not len(controllers):
+        return points, springs
+    tree = cKDTree(points)
+    apart = tree.query(controllers)[0]
+    new = controllers[(apart > 0.5 * spacing) & (apart < 2.0 * spacing)]
+    if not len(new):
+        return points, springs
+    new = new[farthest_points(new, 0.5 * spacing)]
+    distance, near = tree.query(new, k=min(CORNERS, len(points)))
+    joined = [
+        (int(j), len(points) + i)
+        for i, (row, to) in enumerate(zip(near, distance, strict=True))
+        for j in row[to < 2.0 * to.min()]
+    ]
+    return np.concatenate([points, new]), np.concatenate([springs, np.array(joined, np.int64)])
+
+
+def _grip(
+    points: Float64[Array, "P 3"], controllers: Float64[Array, "C 3"], spacing: float
+) -> Int64[Array, "S 2"]:
+    """Every controller holds the points within reach of it."""
+    tree = cKDTree(points)
+    pairs: list[tuple[int, int]] = []
+    for i, place in enumerate(controllers):
+        nearest = float(tree.query(place)[0])
+        if nearest <= 1.5 * spacing:
+            reach = max(0.75 * spacing, 1.05 * nearest)
+            pairs += [(i, int(j)) for j in sorted(tree.query_ball_point(place, reach))]
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+def _between(
+    seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
+) -> tuple[Int64[Array, "N k"], Float64[Array, "N k"]]:
+    """Each observed point as a weighted mean of the nearest mass points, exact where it is one."""
+    count = min(CORNERS, len(points))
+    asked = np.where(np.isfinite(seen), seen, points[0])
+    distance, index = cKDTree(points).query(asked, k=count)
+    closeness = 1.0 / (distance + 1e-6 * (1.0 + distance.max())) ** 2
+    return index.astype(np.int64), closeness / closeness.sum(1, keepdims=True)
+
+
+def _shares(points: Float64[Array, "P 3"], shape: Shape) -> Float64[Array, " P"]:
+    """Each point has the matter around it: more where points are sparse."""
+    distance = cKDTree(points).query(points, k=min(5, len(points)))[0][:, 1:].mean(1)
+    share = distance ** {"rope": 1, "sheet": 2, "solid": 3}[shape]
+    share = np.clip(share, 0.3 * np.median(share), 3.0 * np.median(share))
+    result: Float64[Array, " P"] = share / share.sum()
+    return result

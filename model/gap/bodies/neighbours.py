@@ -1,0 +1,31 @@
+"""Who is near whom: subsets that cover all, pairs within reach, usual distances."""
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
+
+from model.types import Array
+
+
+def farthest_points(places: Float64[Array, "N 3"], apart: float) -> Int64[Array, " n"]:
+    """Indices of points at least `apart` [m] from each other that cover all."""
+    chosen = [0]
+    distance = np.linalg.norm(places - places[0], axis=1)
+    while distance.max() > apart:
+        chosen.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return np.array(sorted(chosen), np.int64)
+
+
+def pairs_within(points: Float64[Array, "P 3"], reach: float, least: int) -> Int64[Array, "E 2"]:
+    """Pairs within reach [m], and each point with its nearest `least`."""
+    tree = cKDTree(points)
+    pairs = {(int(a), int(b)) for a, b in tree.query_pairs(reach, output_type="ndarray")}
+    near = tree.query(points, k=min(least + 1, len(points)))[1][:, 1:]
+    pairs |= {(min(i, int(j)), max(i, int(j))) for i, row in enumerate(near) for j in row}
+    return np.array(sorted(pairs), np.int64).reshape(-1, 2)
+
+
+def usual_distance(places: Float64[Array, "N 3"]) -> float:
+    """Median distance to the nearest neighbour [m]."""
+    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))

@@ -1,0 +1,66 @@
+"""A rope: points along its middle line."""
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from model.gap.bodies.path import along
+from model.types import Array
+
+ROPE_POINTS = 26
+"""Along a rope, about."""
+
+
+def chain(
+    places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float
+) -> tuple[Float64[Array, "P 3"], Int64[Array, "E 2"], float]:
+    """Points along the middle line from end to end, with controllers at its ends; springs; spacing [m].
+
+    Args:
+        places: Seen points [m].
+        controllers: In the first frame [m].
+        scale: Of the spacing.
+    """
+    away, length = along(places)
+    line = _with_ends(_middle(places, away, length), controllers, length)
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    arc = np.concatenate([[0.0], steps.cumsum()])
+    wanted = 1.5 * scale * arc[-1] / ROPE_POINTS
+    pieces = [
+        np.linspace(begin, begin + step, max(1, int(np.ceil(step / wanted))), endpoint=False)
+        for begin, step in zip(arc[:-1], steps, strict=True)
+    ]
+    marks = np.concatenate([*pieces, arc[-1:]])
+    points = np.stack([np.interp(marks, arc, line[:, i]) for i in range(3)], -1)
+    index = np.arange(len(points))
+    return points, np.stack([index[:-1], index[1:]], 1), float(np.median(np.diff(marks)))
+
+
+def _middle(
+    places: Float64[Array, "N 3"], away: Float64[Array, " N"], length: float
+) -> Float64[Array, "n 3"]:
+    """Few points: they are the line. Many: means of slices across it."""
+    if len(places) <= ROPE_POINTS:
+        ordered: Float64[Array, "n 3"] = places[np.argsort(away, kind="stable")]
+        return ordered
+    bins = np.clip((ROPE_POINTS * away / length).astype(int), 0, ROPE_POINTS - 1)
+    return np.stack([places[bins == b].mean(0) for b in range(ROPE_POINTS) if (bins == b).any()])
+
+
+def _with_ends(
+    line: Float64[Array, "n 3"], controllers: Float64[Array, "C 3"], length: float
+) -> Float64[Array, "m 3"]:
+    """Controllers beyond an end of the line, within reach, are part of the rope."""
+    usual = float(np.median(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    reach = max(3.0 * usual, 0.05 * length)
+    left = list(range(len(controllers)))
+    while left:
+        apart = np.linalg.norm(controllers[left][:, None] - line[[0, -1]][None], axis=-1)
+        which, end = (int(i) for i in np.unravel_index(int(apart.argmin()), apart.shape))
+        tip, inner = (line[0], line[1]) if end == 0 else (line[-1], line[-2])
+        found = controllers[left[which]]
+        beyond = float((found - tip) @ (tip - inner)) > 0
+        if not (0.2 * usual < apart[which, end] <= reach and beyond):
+            break
+        line = np.concatenate([found[None], line] if end == 0 else [line, found[None]])
+        left.pop(which)
+    return line

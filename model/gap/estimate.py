@@ -1,0 +1,194 @@
+"""Fit the parameters of a world to what an observer sees: Gauss-Newton, many worlds at once."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float64
+from scipy.optimize import least_squares
+
+from model.gap.effects.base import Quantity
+from model.gap.hypothesis import Hypothesis
+from model.gap.observer import Observer
+from model.simulator.divergence import SimulationDiverged
+from model.simulator.system import State
+from model.types import Array
+
+STEP = 0.1
+"""Of a coordinate, for a difference: wide enough to look across the kinks that contacts make."""
+WIDEST = 12
+"""Worlds that are rolled out at once; more would only take memory."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """The frames that a fit looks at: starts at `first`, in `state`, and ends with `last`."""
+
+    first: int
+    last: int
+    state: State | None = None
+
+
+class Coordinates:
+    """Quantities as a vector that a fit moves: logarithms over decades, else shares of the bounds."""
+
+    def __init__(self, quantities: Mapping[str, Quantity]) -> None:
+        """Of these quantities, in this order."""
+        self.quantities = dict(quantities)
+        self.names = tuple(quantities)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.names)
+
+    def vector(self, values: Mapping[str, float]) -> Float64[Array, " d"]:
+        """Coordinates of values, within the bounds."""
+        inside = [np.clip(values[name], *self.quantities[name].bounds) for name in self.names]
+        each = zip(inside, self.quantities.values(), strict=True)
+        return np.array([np.log(x) if q.log else x / self._scale(q) for x, q in each], np.float64)
+
+    def values(self, vector: Float64[Array, " d"]) -> dict[str, float]:
+        """What a vector stands for."""
+        each = zip(self.names, vector, self.quantities.values(), strict=True)
+        return {name: float(np.exp(z) if q.log else z * self._scale(q)) for name, z, q in each}
+
+    def tensors(self, vectors: Float64[Array, "b d"]) -> dict[str, torch.Tensor]:
+        """Of shape [b, 1] each."""
+        rows = [self.values(vector) for vector in vectors]
+        return {name: torch.tensor([[row[name]] for row in rows], dtype=torch.float64) for name in self.names}
+
+    @property
+    def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
+        """Lower and upper."""
+        low = self.vector({name: q.bounds[0] for name, q in self.quantities.items()})
+        high = self.vector({name: q.bounds[1] for name, q in self.quantities.items()})
+        return low, high
+
+    @staticmethod
+    def _scale(quantity: Quantity) -> float:
+        low, high = quantity.bounds
+        return 0.25 * (high - low)
+
+
+class Misfit:
+    """Weighted innovations of the worlds that vectors of coordinates stand for.
+
+    Args:
+        hypothesis: Makes a world of values.
+        observer: What follows the observation.
+        span: Which frames count.
+        noise: Standard deviation of an innovation that is noise alone [m].
+    """
+
+    def __init__(self, hypothesis: Hypothesis, observer: Observer, span: Span, noise: float) -> None:
+        """See the class."""
+        self.hypothesis, self.observer, self.span, self.noise = hypothesis, observer, span, noise
+        self.coordinates = Coordinates(hypothesis.quantities)
+        self.width = WIDEST if hypothesis.together else 1
+        self.evaluations = 0
+        frames = slice(span.first, span.last + 1)
+        self._seen = observer.seen[frames].clone()
+        self._seen[0] = False
+        self._places = observer.places[frames]
+
+    def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
+        """Innovations over their noise, bounded where a prediction is lost, one row for each world."""
+        rows = [self._some(part) for part in _portions(vectors, self.width)]
+        return np.concatenate(rows)
+
+    def of(self, hypothesis: Hypothesis) -> "Misfit":
+        """The same for another hypothesis."""
+        return Misfit(hypothesis, self.observer, self.span, self.noise)
+
+    def jacobian(self, vector: Float64[Array, " d"]) -> Float64[Array, "m d"]:
+        """Slopes by one-sided differences, away from the nearer bound."""
+        _, high = self.coordinates.bounds
+        step = np.where(vector + STEP > high, -STEP, STEP)
+        rows = [
+            np.concatenate([vector[None], part])
+            for part in _portions(vector + np.diag(step), max(1, self.width - 1))
+        ]
+        # the unmoved world rolls out beside the moved ones, in the same substeps: else their difference has
+        # the time-stepping error in it
+        change = [found[1:] - found[:1] for found in (self(row) for row in rows)]
+        slopes: Float64[Array, "m d"] = (np.concatenate(change) / step[:, None]).T
+        return slopes
+
+    def _some(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
+        self.evaluations += len(vectors)
+        try:
+            with torch.no_grad():
+                values = self.coordinates.tensors(vectors)
+                if len(vectors) == 1:
+                    values = {name: value[0, 0] for name, value in values.items()}
+                led = self.observer.lead(
+                    self.hypothesis(values), self.span.state, self.span.first, self.span.last
+                )
+        except SimulationDiverged:
+            if len(vectors) == 1:
+                return np.full((1, int(self._seen.sum()) * 3), self.observer.lost / self.noise)
+            return np.concatenate([self._some(vector[None]) for vector in vectors])
+        predicted = led.predicted if len(vectors) > 1 else led.predicted.unsqueeze(1)
+        error = (predicted - self._places.unsqueeze(1)).movedim(1, 0)[:, self._seen]
+        bounded = self.observer.lost * torch.tanh(error / self.observer.lost)
+        return bounded.reshape(len(vectors), -1).double().numpy() / self.noise
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a fit found."""
+
+    values: dict[str, float]
+    vector: Float64[Array, " d"]
+    residuals: Float64[Array, " m"]
+    """Innovations over their noise."""
+    jacobian: Float64[Array, "m d"]
+    evaluations: int
+    converged: bool
+
+    @property
+    def cost(self) -> float:
+        """Mean square of the residuals: 1 where only noise is left."""
+        return float(np.mean(self.residuals**2))
+
+
+def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estimate:
+    """The best of several starts, followed to its minimum.
+
+    Args:
+        misfit: What is to be small.
+        starts: Where to begin; all are looked at, the best is followed.
+        steps: Gauss-Newton steps at most; each costs one rollout per coordinate, and one.
+    """
+    begun = misfit.evaluations
+    first = misfit(starts)
+    low, high = misfit.coordinates.bounds
+    start = np.clip(starts[int((first**2).mean(1).argmin())], low + 1e-6, high - 1e-6)
+    latest: dict[bytes, Float64[Array, " m"]] = {}
+
+    def residuals(vector: Float64[Array, " d"]) -> Float64[Array, " m"]:
+        key = vector.tobytes()
+        if key not in latest:
+            latest.clear()
+            latest[key] = misfit(vector[None])[0]
+        return latest[key]
+
+    def slopes(vector: Float64[Array, " d"]) -> Float64[Array, "m d"]:
+        return misfit.jacobian(vector)
+
+    found = least_squares(
+        residuals, start, slopes, bounds=(low, high), max_nfev=steps, xtol=1e-3, ftol=1e-4, gtol=1e-8
+    )
+    return Estimate(
+        misfit.coordinates.values(found.x),
+        found.x,
+        found.fun,
+        found.jac,
+        misfit.evaluations - begun,
+        bool(found.status > 0),
+    )
+
+
+def _portions(vectors: Float64[Array, "b d"], size: int) -> list[Float64[Array, "c d"]]:
+    return [vectors[i : i + size] for i in range(0, len(vectors), size)]

@@ -1,0 +1,131 @@
+"""A simulation that is led by an observation, and by how much it has to be led."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from model.gap.world import World
+from model.simulator.simulator import Rollout
+from model.simulator.system import State
+from model.types import Observation
+
+QUIETEST = 5e-5
+"""No measurement is less noisy than this [m]."""
+LOST = 0.5
+"""Innovations are bounded by this share of the object's size: beyond it a prediction is just wrong."""
+
+
+@dataclass(frozen=True)
+class Led:
+    """What an observer saw."""
+
+    predicted: Float[Tensor, "T *b N 3"]
+    """Where the points were expected before each frame was looked at [m]."""
+    rollout: Rollout
+    """The states after each frame was looked at."""
+
+
+class Observer:
+    """A fixed-gain observer: predicts each frame, then moves the state towards what is seen.
+
+    An error e of the seen points, spread over the mass points near them, corrects places by α e and
+    velocities by β e / Δt with α = 1 − exp(−Δt / τ) and β = α²/(2 − α).
+
+    Args:
+        observation: What is seen.
+        world: Any world of the object, for its rest shape.
+        patience: τ [s], in which an error is forgotten; infinite: an open-loop rollout.
+
+    Reference:
+        Benedict and Bordner (1962), Synthesis of an optimal set of radar track-while-scan smoothing
+        equations, IRE Transactions on Automatic Control 7 (the relation of α and β).
+    """
+
+    def __init__(self, observation: Observation, world: World, patience: float) -> None:
+        """See the class."""
+        self.patience = patience
+        dtype = world.system.points.dtype
+        points = torch.from_numpy(observation.points).to(dtype)
+        self.seen: Bool[Tensor, "T N"] = torch.isfinite(points[..., 0])
+        self.places: Float[Tensor, "T N 3"] = torch.nan_to_num(points)
+        rest = world.sight(world.system.points)
+        size = float((rest.amax(0) - rest.amin(0)).norm())
+        self.lost = LOST * size
+        apart = torch.cdist(world.system.points, rest)
+        reach = torch.maximum(apart.amin(1, keepdim=True), torch.tensor(0.7 * world.spacing, dtype=dtype))
+        self._spread: Float[Tensor, "P N"] = torch.exp(-0.5 * (apart / reach) ** 2)
+
+    def lead(
+        self,
+        world: World,
+        start: State | None = None,
+        first: int = 0,
+        last: int | None = None,
+        until: int | None = None,
+        substeps: int | None = None,
+    ) -> Led:
+        """Run from frame `first` to `last`, led in frames up to `until`, free after it.
+
+        Args:
+            world: Maybe many at once, of batch [*b].
+            start: At frame `first`; None: at rest.
+            first: Frame to start from.
+            last: Frame to end with; None: the last there is.
+            until: Last frame that is looked at; None: all.
+            substeps: Per frame; None: as many as stability asks for.
+
+        Raises:
+            SimulationDiverged: a state is not finite.
+        """
+        last = len(world.times) - 1 if last is None else last
+        predicted: list[Tensor] = []
+
+        def look(frame: int, state: State) -> State:
+            expected = world.sight(state.positions)
+            predicted.append(expected)
+            if np.isinf(self.patience) or (until is not None and first + frame > until):
+                return state
+            interval = float(world.times[first + frame] - world.times[first + frame - 1])
+            return self._corrected(state, expected, first + frame, interval)
+
+        substeps = substeps or self._substeps(world)
+        rollout = world.rollout(start, first, last, substeps, look)
+        predicted.insert(0, world.sight(rollout.points[0]))
+        return Led(torch.stack(predicted), rollout)
+
+    def _substeps(self, world: World) -> int:
+        """What stability asks for, looked at where no grip has the length zero: there it has no direction."""
+        rest = world.system.points
+        generator = torch.Generator().manual_seed(0)
+        shaken = rest + 0.05 * world.spacing * torch.randn(rest.shape, generator=generator, dtype=rest.dtype)
+        state = State(shaken, torch.zeros_like(rest))
+        return world.simulator.needed_substeps(float(np.diff(world.times).max()), state)
+
+    def _corrected(self, state: State, expected: Tensor, frame: int, interval: float) -> State:
+        seen = self.seen[frame].to(expected.dtype)
+        error = (self.places[frame] - expected) * seen.unsqueeze(-1)
+        weight = self._spread * seen
+        moved = (weight @ error) / (weight.sum(-1, keepdim=True) + 0.1)
+        gain = 1.0 - float(np.exp(-interval / self.patience))
+        return State(
+            state.positions + gain * moved,
+            state.velocities + gain**2 / (2.0 - gain) / interval * moved,
+            state.memory,
+        )
+
+
+def noise_of(observation: Observation) -> float:
+    """Standard deviation of the measured places [m], from third differences in time.
+
+    Motion that is smooth over four frames drops out; independent noise is left with a factor √20.
+    """
+    points = observation.points.astype(np.float64)
+    if len(points) < 4:
+        return QUIETEST
+    third = np.diff(points, n=3, axis=0)
+    spread = np.nanmedian(np.abs(third - np.nanmedian(third)))
+    return max(float(spread) * 1.4826 / math.sqrt(20.0), QUIETEST)

@@ -1,0 +1,120 @@
+"""The plain twin: springs, dashpots, drag, ground and grip, and the parameters that are its own."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float64
+from torch import Tensor
+
+from model.gap.bodies.body import Body
+from model.gap.effects.base import Quantity
+from model.gap.prestress import resting_tensions
+from model.gap.world import Sight, World
+from model.simulator.build import build_simulator
+from model.types import Array, Observation
+
+Values: TypeAlias = Mapping[str, Tensor]
+
+MASS = 0.2
+"""Of the body [kg]. Without forces measured, motion tells ratios to mass alone."""
+SHORTEST = 0.3
+"""No rest length is below this share of the length in the first frame."""
+MODES = 2
+"""Along the two longest axes of the body, stiffness may grow from one end to the other."""
+
+
+@dataclass(frozen=True)
+class PlainTwin:
+    """What makes a world of its own parameters."""
+
+    body: Body
+    observation: Observation
+    tensions: Float64[Array, " E"]
+    """With which the first frame is at rest [N]."""
+
+    @classmethod
+    def of(cls, body: Body, observation: Observation) -> "PlainTwin":
+        """For a body as it lies, hangs or is held in the first frame."""
+        mass = MASS * body.share
+        borne = np.zeros(len(body.points), bool)
+        borne[body.grip[:, 1]] = True
+        if observation.ground_height is not None:
+            borne |= body.points[:, 2] < observation.ground_height + 0.5 * body.spacing
+        weights = mass[:, None] * np.asarray(observation.gravity)
+        tensions = resting_tensions(body.points, body.springs, weights, borne)
+        return cls(body, observation, tensions)
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """Its own parameters, with where they may be and where a fit starts."""
+        weight = MASS * max(float(np.linalg.norm(self.observation.gravity)), 1.0)
+        usual = 30.0 * weight / self.body.spacing / max(1.0, len(self.body.points) ** 0.5)
+        own = {
+            "stiffness": Quantity("N/m", (1e-3 * usual, 300.0 * usual), usual, log=True),
+            "damping": Quantity("1", (1e-4, 1.0), 0.05, log=True),
+            "drag_rate": Quantity("1/s", (0.01, 20.0), 0.3, log=True),
+            "prestress": Quantity("1", (0.0, 1.2), 0.8),
+        }
+        if len(self.body.grip):
+            own["grip"] = Quantity("1", (0.05, 50.0), 3.0, log=True)
+        if self.observation.ground_height is not None:
+            own["friction"] = Quantity("1", (0.02, 2.0), 0.5, log=True)
+        for mode in range(0 if self.body.shape == "rope" else MODES):
+            own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
+        return own
+
+    def world(self, values: Values, dtype: torch.dtype = torch.float32) -> World:
+        """The world of these parameters, each a scalar or of shape [*b, 1]."""
+        body, seen = self.body, self.observation
+        way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
+        length = torch.from_numpy(np.linalg.norm(way, axis=1))
+        stiffness = values["stiffness"] * (body.spacing / length) * self._gradient(values)
+        tensions = torch.from_numpy(self.tensions)
+        rest = torch.maximum(length - values["prestress"] * tensions / stiffness, SHORTEST * length)
+        mass = MASS * body.share
+        typical = 2.0 * torch.sqrt(values["stiffness"] * float(np.median(mass)))
+        held = len(body.grip) > 0
+        simulator = build_simulator(
+            points=body.points,
+            mass=mass,
+            springs=body.springs,
+            rest_length=rest,
+            stiffness=stiffness,
+            controller_springs=body.grip if held else None,
+            controller_rest_length=self._grip_lengths() if held else None,
+            controller_stiffness=values["grip"] * values["stiffness"] if held else None,
+            controller_points=seen.controllers[0] if held else None,
+            dashpot_damping=values["damping"] * typical,
+            drag_rate=values["drag_rate"],
+            friction=values.get("friction", 0.0),
+            restitution=0.0,
+            gravity=seen.gravity,
+            ground_height=seen.ground_height,
+            dtype=dtype,
+        )
+        sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype))
+        controls = torch.from_numpy(seen.controllers).to(dtype) if held else None
+        return World(simulator, sight, seen.times, controls, seen.ground_height)
+
+    def _grip_lengths(self) -> Float64[Array, " S"]:
+        body = self.body
+        way = self.observation.controllers[0][body.grip[:, 0]] - body.points[body.grip[:, 1]]
+        lengths: Float64[Array, " S"] = np.linalg.norm(way, axis=1).astype(np.float64)
+        return lengths
+
+    def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
+        """How stiffness varies over the body, 1 on average."""
+        middle = self.body.points[self.body.springs].mean(1)
+        middle = middle - self.body.points.mean(0)
+        axes = np.linalg.svd(self.body.points - self.body.points.mean(0), full_matrices=False)[2]
+        exponent = torch.zeros(len(middle), dtype=torch.float64)
+        for mode in range(MODES):
+            if f"gradient_{mode + 1}" in values:
+                along = middle @ axes[mode]
+                exponent = exponent + values[f"gradient_{mode + 1}"] * torch.from_numpy(
+                    along / np.abs(along).max()
+                )
+        return torch.exp(exponent)
