@@ -6,8 +6,8 @@ import logging
 import resource
 import signal
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -76,8 +76,8 @@ def run(record: JobRecord, attempt: int, kind: Kind, folder: Path, place: Place)
     records, progress = Records(redis), Progress(redis)
     try:
         storage = Storage(place.store_url)
-        report = Report(records, progress, record.id, attempt)
-        with _memory(kind.memory_bytes), _time(kind.limit_s):
+        with _memory(kind.memory_bytes), _time(kind.limit_s) as outside:
+            report = Report(records, progress, record.id, attempt, outside)
             outcome = kind.run(
                 Run(
                     record=record,
@@ -86,7 +86,7 @@ def run(record: JobRecord, attempt: int, kind: Kind, folder: Path, place: Place)
                     inputs=_fetch_inputs(record, storage, folder),
                     folder=folder,
                     report=report,
-                    log=lambda line: progress.log(record.id, [_stamped(line)]),
+                    log=report.log,
                     fetch=lambda other, name: _fetch(other, name, storage, folder),
                     send=lambda url, message_id, body: deliver(
                         url,
@@ -141,9 +141,16 @@ def _settle(error: BaseException, records: Records, record: JobRecord, attempt: 
 class Report:
     """Takes the progress of the work to the record and the log."""
 
-    def __init__(self, records: Records, progress: Progress, job_id: str, attempt: int) -> None:
-        """Of one attempt."""
-        self._records, self._progress = records, progress
+    def __init__(
+        self,
+        records: Records,
+        progress: Progress,
+        job_id: str,
+        attempt: int,
+        outside: Callable[[], AbstractContextManager[None]],
+    ) -> None:
+        """Of one attempt; what is done `outside` does not count for its time."""
+        self._records, self._progress, self._outside = records, progress, outside
         self._job_id, self._attempt = job_id, attempt
         self._stage, self._began, self._told = "", 0.0, 0.0
 
@@ -153,15 +160,23 @@ class Report:
         Raises:
             Fenced: the job is no longer this attempt's.
         """
-        now, ended = time.monotonic(), None
-        if stage != self._stage:
-            ended = self.ended()
-            self._progress.log(self._job_id, [_stamped(f"{stage} begins")])
-            self._stage, self._began = stage, now
-        elif now - self._told < TELL_S:
+        fresh = stage != self._stage
+        if not fresh and time.monotonic() - self._told < TELL_S:
             return
-        self._told = now
-        self._records.advance(self._job_id, self._attempt, stage, min(100.0 * share, NEARLY), ended)
+        ended = self.ended() if fresh else None
+        if fresh:
+            self.log(f"{stage} begins")
+        with self._outside():
+            self._records.advance(self._job_id, self._attempt, stage, min(100.0 * share, NEARLY), ended)
+        self._told = time.monotonic()
+        if fresh:
+            self._stage, self._began = stage, self._told
+
+    def log(self, line: str) -> None:
+        """Add a line to the log that the job's owner reads."""
+        at = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+        with self._outside():
+            self._progress.log(self._job_id, [f"{at} {line}"])
 
     def ended(self) -> tuple[str, float] | None:
         """The stage at work and its seconds, as it ends now."""
@@ -170,10 +185,6 @@ class Report:
         seconds = time.monotonic() - self._began
         LOG.info("stage ended", extra={"stage": self._stage, "seconds": round(seconds, 3)})
         return self._stage, seconds
-
-
-def _stamped(line: str) -> str:
-    return f"{datetime.now(UTC).isoformat(timespec='seconds').replace('+00:00', 'Z')} {line}"
 
 
 def _fetch_inputs(record: JobRecord, storage: Storage, folder: Path) -> Mapping[str, Path]:
@@ -213,16 +224,28 @@ def _memory(more_bytes: int) -> Iterator[None]:
 
 
 @contextmanager
-def _time(seconds: float) -> Iterator[None]:
-    """Raise OutOfTimeError after so long; `worker.guard` ends what does not come back from native code."""
+def _time(seconds: float) -> Iterator[Callable[[], AbstractContextManager[None]]]:
+    """Raise OutOfTimeError after so long; `worker.guard` ends what does not come back from native code.
+
+    Gives what stops the clock: waiting for Redis is not the job's fault.
+    """
 
     def ring(number: int, frame: FrameType | None) -> None:
         raise OutOfTimeError
 
     before = signal.signal(signal.SIGALRM, ring)
     signal.setitimer(signal.ITIMER_REAL, seconds)
+
+    @contextmanager
+    def stopped() -> Iterator[None]:
+        rest = signal.setitimer(signal.ITIMER_REAL, 0.0)[0]
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, rest)
+
     try:
-        yield
+        yield stopped
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

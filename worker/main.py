@@ -24,7 +24,7 @@ from worker.kinds import ALL_KINDS, Kind
 from worker.logs import log_as_json
 from worker.queues import ALL_QUEUES, connect
 from worker.records import Records
-from worker.shepherd import Shepherd
+from worker.shepherd import CRASH, Shepherd
 from worker.stable import Stable, work
 from worker.storage import Storage
 
@@ -46,6 +46,8 @@ class Settings:
     queues: tuple[str, ...] = ALL_QUEUES
     grace_s: float = GRACE_S
     """How long a job may go on after SIGTERM before it is handed back [s]."""
+    mercy_s: float = 15.0
+    """How long a job may go on after its time limit when it is deep in native code [s]."""
 
 
 def serve(settings: Settings, kinds: Iterable[Kind] = ALL_KINDS, warm: Sequence[str] = WARM) -> None:
@@ -64,26 +66,48 @@ def serve(settings: Settings, kinds: Iterable[Kind] = ALL_KINDS, warm: Sequence[
     log_as_json(name)
     guard = Guard()
     janitor = Janitor(name, settings.place, guard)
-    with contextlib.closing(guard), contextlib.closing(janitor), _scratch(settings.scratch, name) as scratch:
+    with (
+        contextlib.closing(guard),
+        contextlib.closing(janitor),
+        _scratch(settings.scratch, name) as (scratch, lost),
+    ):
+        redis = connect(settings.place.redis_url)
+        records = Records(redis)
+        for job_id, attempt in lost:
+            LOG.warning("left by a worker that died", extra={"job": job_id, "attempt": attempt})
+            records.crash(job_id, attempt, CRASH)
         for module in warm:
             importlib.import_module(f"model.{module}")
-        redis = connect(settings.place.redis_url)
-        shepherd = Shepherd(name, Records(redis), kinds, guard, scratch, settings.place, settings.grace_s)
+        shepherd = Shepherd(
+            name,
+            records,
+            kinds,
+            guard,
+            scratch,
+            settings.place,
+            settings.grace_s,
+            settings.mercy_s,
+        )
         LOG.info("ready")
         work(lambda n: Stable(f"{name}-{n}", settings.queues, redis, shepherd, janitor.revive))
         LOG.info("stopped")
 
 
 @contextmanager
-def _scratch(root: Path, name: str) -> Iterator[Path]:
-    """A folder of this worker alone; those of workers that died are removed."""
+def _scratch(root: Path, name: str) -> Iterator[tuple[Path, Sequence[tuple[str, int]]]]:
+    """A folder of this worker alone; those of workers that died are removed.
+
+    Gives the folder, and the attempts that those workers had under way: job id and number.
+    """
     folder = root / name
+    lost: list[tuple[str, int]] = []
     try:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
         with (root / "lock").open("w") as gate:
             fcntl.flock(gate, fcntl.LOCK_EX)
             for other in root.iterdir():
                 if _abandoned(other):
+                    lost += _attempts(other)
                     shutil.rmtree(other, ignore_errors=True)
             folder.mkdir(mode=0o700)
             lock = (folder / "lock").open("w")
@@ -92,10 +116,18 @@ def _scratch(root: Path, name: str) -> Iterator[Path]:
         raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
     tempfile.tempdir = str(folder)
     try:
-        yield folder
+        yield folder, lost
     finally:
         shutil.rmtree(folder, ignore_errors=True)
         lock.close()
+
+
+def _attempts(folder: Path) -> Iterator[tuple[str, int]]:
+    """The attempts that have folders in one of a worker's; `worker.shepherd` names them."""
+    for entry in folder.iterdir():
+        job_id, _, attempt = entry.name.rpartition("-")
+        if job_id and attempt.isdecimal():
+            yield job_id, int(attempt)
 
 
 def _abandoned(folder: Path) -> bool:

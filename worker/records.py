@@ -17,9 +17,9 @@ from redis import Redis
 from worker.record import JobError, JobFile, JobRecord, files_prefix, from_fields, to_fields
 from worker.scripts import Scripts
 
-LEASE_S = 10.0
+LEASE_S = 8.0
 """How long a worker may be silent about a running job before it is suspected [s]; it speaks every second."""
-GRACE_S = 5.0
+GRACE_S = 4.0
 """How long a suspected worker has to speak up before its job is given to another [s]."""
 MOST_CRASHES = 2
 """How often a job that crashed is tried again."""

@@ -18,10 +18,10 @@ from worker.kinds import Kind
 from worker.record import JobError, JobRecord
 from worker.records import Records
 
+LATE_S: Final = 0.5
+"""By how much a guard may be early [s]."""
 LOOK_S: Final = 1.0
 """How often a worker says that it is alive and asks whether the job is still wanted [s]."""
-MERCY_S: Final = 5.0
-"""How long a horse may take beyond its limit before it is killed [s]."""
 LONGEST_PAUSE_S: Final = 60.0
 MOST_ATTEMPTS: Final = 500
 """After so many, the surroundings are not what is wrong."""
@@ -45,6 +45,7 @@ class Shepherd:
         scratch: A folder of this worker alone.
         place: Where jobs find Redis and the store.
         grace_s: How long a job may go on once the worker is to stop [s].
+        mercy_s: How long a job may go on after its limit, where only a kill can stop it [s].
     """
 
     def __init__(
@@ -56,10 +57,12 @@ class Shepherd:
         scratch: Path,
         place: jobs.Place,
         grace_s: float,
+        mercy_s: float,
     ) -> None:
         """See the class."""
         self._name, self._records, self._kinds = name, records, {kind.name: kind for kind in kinds}
-        self._guard, self._scratch, self._place, self._grace_s = guard, scratch, place, grace_s
+        self._guard, self._scratch, self._place = guard, scratch, place
+        self._grace_s, self._mercy_s = grace_s, mercy_s
 
     def tend(self, job_id: str, heartbeat: Callable[[], None], stopping: Callable[[], bool]) -> None:
         """Make one attempt at a job, if it may be made.
@@ -101,7 +104,7 @@ class Shepherd:
         except OSError as error:
             LOG.warning("no folder for a job: %s", error, extra={"job": record.id})
             return self._records.hand_back(record.id, attempt, _pause(attempt))
-        limit = kind.limit_s + MERCY_S
+        limit = kind.limit_s + self._mercy_s
         horse = Horse(
             lambda: jobs.run(record, attempt, kind, folder, self._place),
             self._guard,
@@ -128,7 +131,7 @@ class Shepherd:
         over = time.monotonic()
         if code < 0 and asked is not None and over - asked >= self._grace_s:
             return self._records.hand_back(record.id, attempt)
-        return self._settle(record, attempt, code, over - began > kind.limit_s + MERCY_S / 2)
+        return self._settle(record, attempt, code, over - began > limit - LATE_S)
 
     def _look_after(
         self, record: JobRecord, attempt: int, horse: Horse, heartbeat: Callable[[], None]
