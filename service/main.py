@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 import uvicorn
 from fastapi import FastAPI
+from redis.exceptions import RedisError
 
 from model.errors import InputError
 from model.version import __version__
@@ -23,11 +24,14 @@ from service.logs import log_as_json
 from service.settings import DATA_DIR, Settings
 from worker.embedded import EmbeddedRedis
 from worker.queues import connect
+from worker.storage import Storage
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
 DRAIN_SECONDS = 5
 """How long requests under way may take to end when the front is stopped."""
 BACKLOG = 2048
+REDIS_PATIENCE = 30.0
+"""How long a front waits at its start for a Redis that starts too [s]."""
 WORKER_GRACE = "10"
 """Seconds that a job may go on when all is stopped: somebody waits at a terminal."""
 
@@ -113,8 +117,12 @@ serve.add_command(keys)
 def _serve(settings: Settings, listener: socket.socket, address: str, companions: Companions | None) -> None:
     """Answer requests until a signal comes."""
     settings.data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with connect(settings.redis_url) as client:
-        first_key = ApiKeys(client).create_first()
+    Storage(settings.store_url)  # says now, in one line, what is wrong with it
+    try:
+        with connect(settings.redis_url, REDIS_PATIENCE) as client:
+            first_key = ApiKeys(client).create_first()
+    except RedisError as error:
+        raise InputError(f"REDIS_URL: Redis does not answer ({type(error).__name__})") from None
     if first_key is not None:
         click.echo(f"API key: {first_key}")
     app = create_app(settings)
