@@ -20,8 +20,8 @@ from worker.embedded import EmbeddedRedis
 from worker.queues import Queues, connect
 from worker.records import Records
 
-ERRANDS = Path(__file__).parents[1] / "faults"
-"""Where jobs that take as long as they are told come from, with a front and a worker that take them."""
+NAP = str(Path(__file__).parent / "nap.py")
+"""Jobs that only pass time, with a front and a worker that take them."""
 BUCKET = "matphys"
 START_S = 120.0
 STOP_S = 40.0
@@ -51,6 +51,14 @@ class Process:
         lines = Path(f"/proc/{self.popen.pid}/status").read_text().splitlines()
         sizes = {line.split(":")[0]: float(line.split()[1]) / 1000 for line in lines if line.startswith("Vm")}
         return sizes["VmRSS"], sizes["VmHWM"]
+
+    @property
+    def cpu_s(self) -> tuple[float, float]:
+        """Processor time of the process and of the children it has waited for [s]."""
+        fields = Path(f"/proc/{self.popen.pid}/stat").read_text().rpartition(")")[2].split()
+        own, theirs = int(fields[11]) + int(fields[12]), int(fields[13]) + int(fields[14])
+        tick = os.sysconf("SC_CLK_TCK")
+        return own / tick, theirs / tick
 
     @property
     def maps_torch(self) -> bool:
@@ -84,14 +92,14 @@ def ended(log: Path) -> Counter[str]:
 
 
 @contextmanager
-def cluster(folder: Path, fronts: int, workers: int, *, errands: bool, s3: bool = True) -> Iterator[Cluster]:
+def cluster(folder: Path, fronts: int, workers: int, *, naps: bool, s3: bool = True) -> Iterator[Cluster]:
     """Start it, wait until all is ready, and stop it.
 
     Args:
         folder: For data and logs.
         fronts: How many fronts.
         workers: How many workers.
-        errands: Whether jobs only pass time (`benchmarks/faults/errand.py`), or are twins.
+        naps: Whether jobs only pass time (`nap.py`), or are twins.
         s3: Whether the store is an S3 server; else a folder.
     """
     with ExitStack() as stack:
@@ -102,11 +110,9 @@ def cluster(folder: Path, fronts: int, workers: int, *, errands: bool, s3: bool 
         records = Records(client)
         queues = Queues(client, records)
         key = ApiKeys(client).create("load", "load", SCOPES)[1]
+        serving = [stack.enter_context(_front(folder, number, environment, naps)) for number in range(fronts)]
         running = [
-            stack.enter_context(_worker(folder, number, environment, errands)) for number in range(workers)
-        ]
-        serving = [
-            stack.enter_context(_front(folder, number, environment, errands)) for number in range(fronts)
+            stack.enter_context(_worker(folder, number, environment, naps)) for number in range(workers)
         ]
         _wait(lambda: len(queues.workers()) == workers, "the workers", running)
         yield Cluster(key, serving, running, queues, records)
@@ -131,12 +137,11 @@ def _s3(folder: Path) -> Iterator[dict[str, str]]:
 
 
 @contextmanager
-def _front(folder: Path, number: int, environment: dict[str, str], errands: bool) -> Iterator[Process]:
+def _front(folder: Path, number: int, environment: dict[str, str], naps: bool) -> Iterator[Process]:
     port = free_port()
     url, data = f"http://127.0.0.1:{port}", str(folder / f"front-{number}")
-    if errands:
-        command = [str(ERRANDS / "errand_front.py"), environment["REDIS_URL"], environment["STORE_URL"]]
-        command += [data, str(port)]
+    if naps:
+        command = [NAP, "front", data, str(port)]
     else:
         command = ["-m", "service.main", "--port", str(port), "--data-dir", data]
     started = time.monotonic()
@@ -146,11 +151,10 @@ def _front(folder: Path, number: int, environment: dict[str, str], errands: bool
 
 
 @contextmanager
-def _worker(folder: Path, number: int, environment: dict[str, str], errands: bool) -> Iterator[Process]:
+def _worker(folder: Path, number: int, environment: dict[str, str], naps: bool) -> Iterator[Process]:
     scratch = str(folder / "scratch")
-    if errands:
-        command = [str(ERRANDS / "errand_worker.py"), environment["REDIS_URL"], environment["STORE_URL"]]
-        command += [scratch, "1.0"]
+    if naps:
+        command = [NAP, "worker", scratch]
     else:
         command = ["-m", "worker.main", "--scratch", scratch, "--grace", "1"]
     with _process([sys.executable, *command], folder / f"worker-{number}.log", environment) as process:

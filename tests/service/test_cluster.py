@@ -26,14 +26,14 @@ def cluster_module():
 
 
 def camera(number):
-    """No two errands are alike, or one would stand for both."""
+    """No two naps are alike, or one would stand for both."""
     return {"note": ("n.json", json.dumps({"intrinsics": [[number, 0, 0], [0, number, 0], [0, 0, 1]]}))}
 
 
 def wait_for_all(http, ids):
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline:
-        jobs = [http.get(f"/errands/{job_id}").json() for job_id in ids]
+        jobs = [http.get(f"/naps/{job_id}").json() for job_id in ids]
         if all(job["status"] in FINAL_STATUSES for job in jobs):
             return jobs
         time.sleep(0.1)
@@ -42,14 +42,14 @@ def wait_for_all(http, ids):
 
 @pytest.mark.slow
 def test_fronts_and_workers_share_the_work(cluster_module, tmp_path):
-    with cluster_module.cluster(tmp_path, fronts=2, workers=3, errands=True) as running:
+    with cluster_module.cluster(tmp_path, fronts=2, workers=3, naps=True) as running:
         headers = {"Authorization": f"Bearer {running.key}"}
         one, other = (httpx.Client(base_url=f.url, headers=headers, timeout=30) for f in running.fronts)
         with one, other:
             ids = []
             for number in range(1, JOBS + 1):
                 answer = (one, other)[number % 2].post(
-                    "/errands",
+                    "/naps",
                     files=camera(number),
                     data={"seconds": "0.3"},
                     headers={"Idempotency-Key": str(number)},
@@ -57,7 +57,7 @@ def test_fronts_and_workers_share_the_work(cluster_module, tmp_path):
                 assert answer.status_code == 202, answer.text
                 ids.append(answer.json()["id"])
             again = other.post(
-                "/errands", files=camera(2), data={"seconds": "0.3"}, headers={"Idempotency-Key": "2"}
+                "/naps", files=camera(2), data={"seconds": "0.3"}, headers={"Idempotency-Key": "2"}
             )
             assert again.json()["id"] == ids[1]
             jobs = wait_for_all(one, ids)
@@ -69,7 +69,7 @@ def test_fronts_and_workers_share_the_work(cluster_module, tmp_path):
                     assert hashlib.sha256(content).hexdigest() == file["sha256"]
             assert sum(running.jobs_per_worker()) == JOBS
             assert min(running.jobs_per_worker()) >= 2
-            last = other.get(f"/errands/{ids[0]}/events").text.strip().split("\n\n")[-1]
+            last = other.get(f"/naps/{ids[0]}/events").text.strip().split("\n\n")[-1]
             assert '"succeeded"' in last
             assert one.get("/readyz").json()["checks"]["store"] == "ok"
             assert not any(front.maps_torch for front in running.fronts)
