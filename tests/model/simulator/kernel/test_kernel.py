@@ -10,6 +10,7 @@ import pytest
 import torch
 
 from model.errors import InputError
+from model.gap.effects.grip_slip import SlippingGrip
 from model.simulator.backend import FallbackWarning
 from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.forces.base import AxialForce
@@ -100,6 +101,22 @@ def test_laws_with_memory(scene, apart, monkeypatch, checkpoint):
     for name, gradient in slow.items():
         if gradient is not None:
             assert apart(fast[name], gradient) < 1e-9, name
+
+
+@by_both
+def test_springs_and_grips_remember_side_by_side(scene, apart):
+    stiffness = torch.full((12,), 40.0, dtype=torch.float64).requires_grad_()
+    rate = torch.tensor(20.0, dtype=torch.float64).requires_grad_()
+    made = scene(forces=[Plastic(30.0, 0.005, 1.0), SlippingGrip(stiffness, rate, 0.01)], ground=None)
+    made.leaves.update(grip=stiffness, rate=rate)
+    expected, slow = made.roll("torch")
+    found, fast = made.roll("kernel")
+    assert float(expected.end.memory["grip_slip.slip"].detach().max()) > 1e-3, "nothing slipped"
+    assert apart(found.points, expected.points) < 1e-12
+    for name, memory in expected.end.memory.items():
+        assert apart(found.end.memory[name], memory) < 1e-11, name
+    for name in ("grip", "rate", "stiffness", "controls"):
+        assert apart(fast[name], slow[name]) < 1e-9, name
 
 
 @by_both

@@ -6,6 +6,8 @@ import subprocess
 import pytest
 import torch
 
+from model.gap.effects.grip_slip import SlippingGrip
+from model.gap.effects.viscoelasticity import MaxwellBranch
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.volume import Volume
 from model.simulator.kernel.build import CannotBuild
@@ -27,7 +29,7 @@ def nvrtc():
 
 @pytest.fixture
 def source(scene, serial):
-    """Make the text of springs, dashpots, controllers, the ground, bending and volumes."""
+    """Make the text of springs, dashpots, grips that slip, the ground, bending and volumes."""
 
     def build(dtype):
         texts = []
@@ -36,7 +38,9 @@ def source(scene, serial):
             texts.append(text)
             return serial(text, device)
 
-        made = scene(dtype)
+        made = scene(
+            dtype, forces=[SlippingGrip(torch.ones(12), 1.0, 1.0), MaxwellBranch(1.0, 1.0, 1.0, 0.1)]
+        )
         groups = torch.arange(8).reshape(2, 4)
         simulator = made.simulator.with_force(Volume(groups, 1.0, torch.ones(2)))
         simulator = simulator.with_force(Bending(groups[:, :3], 1.0, 0.1, 0.0))
