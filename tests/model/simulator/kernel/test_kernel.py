@@ -103,6 +103,41 @@ def test_laws_with_memory(scene, apart, monkeypatch, checkpoint):
             assert apart(fast[name], gradient) < 1e-9, name
 
 
+class Motley(AxialForce):
+    """No physics, but every operation that a law may use."""
+
+    name = "motley"
+    constants: ClassVar[Mapping[str, Constant]] = {"scale": Constant("N", "springs", (0.0, 1.0))}
+
+    def __init__(self, scale):
+        super().__init__(scale=scale)
+
+    @staticmethod
+    def law(length, rate, rest_length, scale):
+        strain = length / rest_length - 1.0
+        some = ((strain > 0.01) & (rate < 0.5)) | ~(strain >= -0.02)
+        waves = (
+            torch.sin(9.0 * strain) * torch.cos(strain) + torch.log(length) - torch.exp(-torch.abs(strain))
+        )
+        bounded = torch.minimum(strain, 0.1 * rate) - torch.maximum(rate, strain).clamp(-0.3, 0.3)
+        powers = length**1.7 + (1.0 + strain) ** -3 + torch.sqrt(length) + torch.tanh(rate)
+        return scale * torch.where(some, waves + bounded, 0.3 * powers * (1.0 + (rate > 0)))
+
+
+@by_both
+def test_every_operation_of_a_law(scene, apart):
+    scale = torch.full((260,), 0.05, dtype=torch.float64).requires_grad_()
+    made = scene(forces=[Motley(scale)], ground=None)
+    made.leaves.update(scale=scale)
+    expected, slow = made.roll("torch")
+    found, fast = made.roll("kernel")
+    without, _ = scene(ground=None).roll("kernel")
+    assert apart(without.points, expected.points) > 1e-4, "it does nothing"
+    assert apart(found.points, expected.points) < 1e-12
+    for name in ("scale", "rest_length", "positions", "velocities"):
+        assert apart(fast[name], slow[name]) < 1e-9, name
+
+
 @by_both
 def test_springs_and_grips_remember_side_by_side(scene, apart):
     stiffness = torch.full((12,), 40.0, dtype=torch.float64).requires_grad_()
