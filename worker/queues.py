@@ -4,6 +4,7 @@ rq moves the id of a job to a free worker, which forks a process for it. It deci
 process may work is for `worker.records` to say, so a lost or doubled delivery costs nothing but a moment.
 """
 
+import contextlib
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ import redis.exceptions
 import redis.retry
 import rq
 from redis import ConnectionPool, Redis
+from rq.exceptions import NoSuchJobError
+from rq.job import Job
 from rq.serializers import JSONSerializer
 
 from worker.record import JobRecord
@@ -150,7 +153,9 @@ class Queues:
         record = self._records.get(job_id)
         before = self._records.cancel(job_id)
         if record is not None and before == "queued":
-            self._queue(record.queue).remove(f"{job_id}_{record.attempt}")
+            with contextlib.suppress(NoSuchJobError):
+                name = f"{job_id}_{record.attempt}"
+                Job.fetch(name, connection=self._redis, serializer=JSONSerializer).delete()
         return before
 
     def workers(self) -> Sequence[WorkerState]:

@@ -85,7 +85,7 @@ class JobRecord(BaseModel):
 
 def new_id() -> str:
     """A job's id: 32 hex digits, sorted by time, not to be guessed."""
-    return f"{time.time_ns() // 1_000_000:012x}{secrets.token_hex(10)}"
+    return f"{time.time_ns() // 1000:014x}{secrets.token_hex(9)}"
 
 
 def files_prefix(job_id: str) -> str:
