@@ -1,0 +1,354 @@
+"""The finite-element generator: worlds moved by `engine.cpp`.
+
+Amplitudes, in units of the object's own where they have one: `strain_stiffening` relative stiffness added at
+the scale strain (power law) or in the exponential's factor (Fung); `tension_only`, `plasticity`, `damage`
+shares of the stiffness; `viscoelasticity`, `anisotropy`, `volume_preservation` moduli relative to the base;
+`bending_stiffness` relative to weight times length squared; `quadratic_air_drag` coefficient times air
+density [kg/m³]; `wind` and `moving_base` m/s and rad/s; `gravity_tilt`, `magnet` m/s²; `mass_heterogeneity`
+relative mass; `grip_slip` m/(N s) relative to the grip; `actuation_delay` s; `adhesion` Pa;
+`static_friction` coefficient; `self_collision` m.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.reality import compiled
+from benchmarks.reality.hands import follow
+from benchmarks.reality.meshes import Mesh, mesh
+from benchmarks.reality.skin import attach, carry
+from benchmarks.reality.world import RATE, Array, Effect, Motion, Runaway, World
+
+SAFETY = 0.7
+COST = 8e7
+"""Elements times steps, beyond which nobody waits."""
+Numbers = dict[str, float | tuple[float, ...]]
+
+
+def simulate(world: World) -> Motion:
+    """Move a world.
+
+    Raises:
+        Runaway: it left the finite numbers.
+    """
+    body = mesh(world.shape, world.spacing, world.mesh_seed)
+    return _Run(world, body).result()
+
+
+class _Run:
+    """One simulation: arrays and numbers of the engine, changed by each effect in turn."""
+
+    def __init__(self, world: World, body: Mesh) -> None:
+        self.world, self.body = world, body
+        self.placed = body.nodes @ world.scene.turn.T + world.scene.shift
+        self.middle = body.nodes[body.elements].mean(axis=1)
+        self.stiff_factor = 1.0
+        self.numbers: Numbers = {"ground": np.nan if world.scene.ground is None else world.scene.ground}
+        self.mass = self._mass()
+        self.arrays: dict[str, Array] = {}
+        self._elastic()
+        self._hands()
+        count, scene = len(body.nodes), world.scene
+        self.arrays |= {
+            "rest": body.nodes,
+            "start": self.placed,
+            "corner": body.elements,
+            "stencil": body.stencil,
+            "stencil_weight": body.stencil_weight,
+            "stencil_stiff": np.zeros(len(body.stencil)),
+            "stencil_rest": np.zeros(len(body.stencil)),
+            "face": body.faces,
+            "node_area": body.node_area,
+            "times": scene.times,
+            "field": np.ones(len(body.elements)),
+            "node_field": np.ones(count),
+            "fibre": np.tile(np.eye(body.dim)[0], (len(body.elements), 1)),
+            "out": np.zeros((len(scene.times), count, 3)),
+            "energy": np.zeros((len(scene.times), 4)),
+            "touched": np.zeros(count),
+            "met": np.zeros(count),
+            "slipped": np.zeros(max(len(self.arrays["grip_node"]), 1)),
+        }
+        material = world.material
+        self.numbers |= {
+            "gravity": tuple(scene.gravity),
+            "drag_rate": material.drag_rate,
+            "friction": material.friction,
+            "restitution": material.restitution,
+            "anchor_rate": RATE,
+        }
+        for effect in world.effects:
+            getattr(self, f"_{effect.name}")(effect)
+
+    def result(self) -> Motion:
+        """Run, and see what the observed points did."""
+        self.arrays["mass"] = self.mass
+        step = self._step()
+        if "contact_radius" in self.numbers:
+            self.numbers["contact_stiff"] = float(np.median(self.mass)) * (0.5 / step) ** 2
+        self.numbers |= {
+            "step": step,
+            "nodes": len(self.mass),
+            "dim": self.body.dim,
+            "elements": len(self.body.elements),
+            "stencils": len(self.body.stencil) if "bent" in self.__dict__ else 0,
+            "grips": len(self.arrays["grip_node"]),
+            "frames": len(self.world.scene.times),
+            "samples": self.arrays["anchor"].shape[0],
+            "faces": len(self.body.faces),
+        }
+        if self.world.scene.times[-1] / step * max(len(self.body.elements), 200) > COST:
+            raise Runaway(f"too stiff: steps of {step:.2g} s")
+        failed = compiled.simulate(self.arrays, self.numbers)
+        if failed:
+            raise Runaway(f"frame {failed - 1}")
+        index, weight = attach(self.world.shape.surface, self.body.nodes, 4 if self.body.dim == 1 else 8)
+        nodes = self.arrays["out"]
+        acts = {effect.name: self._acts(effect, index, weight) for effect in self.world.effects}
+        return Motion(carry(nodes, index, weight), acts, nodes, self.arrays["energy"])
+
+    # What every world has.
+
+    def _mass(self) -> Array:
+        body = self.body
+        mass = np.zeros(len(body.nodes))
+        share = self.world.material.density * body.measure / (body.dim + 1)
+        np.add.at(mass, body.elements, np.repeat(share[:, None], body.dim + 1, axis=1))
+        return mass
+
+    def _elastic(self) -> None:
+        material, body = self.world.material, self.body
+        low, high = material.stiffness
+        middle = self.world.shape.surface.mean(axis=0)
+        blend = 1 / (
+            1 + np.exp(-np.clip((self.middle - middle)[:, 0] / (0.05 * self.world.shape.length), -40, 40))
+        )
+        young = low * (1 - blend) + high * blend
+        nu = material.poisson
+        self.arrays |= {
+            "mu": young / 2 if body.dim == 1 else young / (2 * (1 + nu)),
+            "lambda": [
+                np.zeros_like(young),
+                young * nu / (1 - nu**2),
+                young * nu / ((1 + nu) * (1 - 2 * nu)),
+            ][body.dim - 1],
+            "eta": young * material.damping,
+        }
+
+    def _hands(self) -> None:
+        nodes, stiff, anchors = [], [], []
+        delay = sum(
+            e.amplitude * float(e.options["sign"]) for e in self.world.effects if e.name == "actuation_delay"
+        )
+        for hand in self.world.scene.hands:
+            distance = np.linalg.norm(self.placed - hand.place, axis=1)
+            held = np.flatnonzero(distance <= max(hand.reach, distance.min() + 1e-6))
+            extra = self._hidden_turn(hand.offset)
+            anchors.append(follow(hand, self.placed[held], delay, extra))
+            nodes.append(held)
+        samples = int(np.ceil(self.world.scene.times[-1] * RATE)) + 2
+        self.arrays["grip_node"] = np.concatenate(nodes) if nodes else np.zeros(0, int)
+        self.arrays["anchor"] = np.concatenate(anchors, axis=1) if anchors else np.zeros((samples, 0, 3))
+        omega = self._frequency() / 4
+        stiff = self.mass[self.arrays["grip_node"]] * omega**2
+        self.arrays["grip_stiff"] = stiff
+
+    def _hidden_turn(self, offset: Array) -> Array | None:
+        torque = next((e for e in self.world.effects if e.name == "hand_torque"), None)
+        if torque is None:
+            return None
+        t = np.arange(len(offset)) / RATE
+        rate, axis = float(torque.options["rate"]), np.asarray(torque.options["axis"])
+        return (
+            torque.amplitude * np.sin(2 * np.pi * rate * t)[:, None] * axis * np.clip(t / 0.3, 0, 1)[:, None]
+        )
+
+    def _frequency(self) -> float:
+        """Bound of the highest frequency [1/s], by the highest of any element (Fried 1972)."""
+        body = self.body
+        corners = body.nodes[body.elements]
+        edges = corners[:, 1:] - corners[:, :1]
+        gram = np.linalg.inv(edges @ edges.transpose(0, 2, 1))
+        inner = np.concatenate([-np.ones((1, body.dim)), np.eye(body.dim)])
+        largest = np.linalg.eigvalsh(inner @ gram @ inner.T)[:, -1]
+        wave = (self.arrays["lambda"] + 2 * self.arrays["mu"]) * (body.dim + 1) / self.world.material.density
+        return float(np.sqrt((wave * largest).max()))
+
+    def _step(self) -> float:
+        omega = self._frequency() * np.sqrt(self.stiff_factor)
+        bent = self.arrays["stencil_stiff"]
+        if bent.any():
+            squares = (self.body.stencil_weight**2).sum(axis=1)
+            load = np.zeros(len(self.mass))
+            np.add.at(load, self.body.stencil, np.repeat((bent * squares)[:, None], 4, axis=1))
+            omega = float(np.hypot(omega, np.sqrt((load / self.mass).max() * 1.5)))
+        ratio = omega * self.world.material.damping / 2
+        return float(SAFETY * 2 / omega * (np.sqrt(1 + ratio**2) - ratio))
+
+    def _acts(self, effect: Effect, index: Array, weight: Array) -> Array:
+        """Where the effect acted, at the observed points."""
+        nodes = effect.where(self.body.nodes)
+        if effect.name == "grip_slip":
+            nodes = np.zeros(len(self.mass))
+            nodes[self.arrays["grip_node"]] = 1.0
+        elif effect.name in ("adhesion", "static_friction"):
+            nodes = np.clip(self.arrays["touched"] / 0.3, 0, 1)
+        elif effect.name == "self_collision":
+            nodes = np.clip(self.arrays["met"] / 0.1, 0, 1)
+        return np.clip(np.einsum("nk,nk->n", nodes[index], weight), 0.0, 1.0)
+
+    # The effects.
+
+    def _shape_field(self, effect: Effect) -> None:
+        self.arrays["field"] = effect.where(self.middle)
+
+    def _strain_stiffening(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        if effect.options["form"] == 0.0:
+            exponent, scale = float(effect.options["exponent"]), float(effect.options["scale"])
+            self.numbers |= {"power": effect.amplitude, "power_exponent": exponent, "power_scale": scale}
+            self.stiff_factor += effect.amplitude * 2.5**exponent
+        else:
+            rate = float(effect.options["rate"])
+            self.numbers |= {"fung": effect.amplitude, "fung_rate": rate}
+            self.stiff_factor += effect.amplitude * (np.exp(3.0) - 1) / rate
+
+    def _tension_only(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        self.numbers["slack"] = effect.amplitude
+
+    def _viscoelasticity(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        self.numbers["prony"] = (effect.amplitude / 2, effect.amplitude / 2)
+        self.numbers["prony_time"] = (float(effect.options["fast"]), float(effect.options["slow"]))
+        self.stiff_factor += effect.amplitude
+
+    def _plasticity(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        self.numbers |= {
+            "hysteresis": effect.amplitude,
+            "hysteresis_yield": float(effect.options["yield"]),
+            "hysteresis_sharpness": float(effect.options["sharpness"]),
+        }
+
+    def _damage(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        self.numbers |= {"mullins": effect.amplitude, "mullins_scale": float(effect.options["scale"])}
+
+    def _anisotropy(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        angle = float(effect.options["angle"])
+        way = np.array([np.cos(angle), np.sin(angle), 0.0])
+        if self.body.dim == 3:
+            self.arrays["fibre"] = np.tile(way, (len(self.middle), 1))
+        else:  # in the frame of each triangle, whose first axis is its first edge
+            corners = self.body.nodes[self.body.elements]
+            first = corners[:, 1] - corners[:, 0]
+            first /= np.linalg.norm(first, axis=1, keepdims=True)
+            second = np.cross([0, 0, 1.0], first)
+            side = np.sign(np.einsum("nk,nk->n", second, corners[:, 2] - corners[:, 0]))
+            self.arrays["fibre"] = np.stack([first @ way, side * (second @ way)], axis=1)
+        self.numbers["fibre_stiff"] = effect.amplitude
+        self.stiff_factor += effect.amplitude
+
+    def _bending_stiffness(self, effect: Effect) -> None:
+        body, length = self.body, self.world.shape.length
+        unit = self.world.material.density * 9.81 * length**3
+        where = effect.where(
+            body.nodes[body.stencil[:, 1]] if body.dim == 1 else body.nodes[body.stencil[:, :2]].mean(axis=1)
+        )
+        self.arrays["stencil_stiff"] = effect.amplitude * unit * where * body.stencil_scale
+        rest = np.einsum("sk,skc->sc", body.stencil_weight, body.nodes[body.stencil])
+        self.arrays["stencil_rest"] = np.linalg.norm(rest, axis=1) * (body.dim == 1)
+        self.bent = True
+
+    def _volume_preservation(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        self.numbers["bulk"] = effect.amplitude
+        self.stiff_factor += effect.amplitude
+
+    def _quadratic_air_drag(self, effect: Effect) -> None:
+        self.arrays["node_field"] = effect.where(self.body.nodes)
+        self.numbers |= {
+            "air": effect.amplitude,
+            "air_exponent": float(effect.options["exponent"]),
+            "air_reference": 1.0,
+        }
+
+    def _wind(self, effect: Effect) -> None:
+        way = np.asarray(effect.options["direction"]) * effect.amplitude
+        self.numbers |= {
+            "air": float(effect.options["density"]) / 2,
+            "air_exponent": 2.0,
+            "air_reference": 1.0,
+            "wind": tuple(way),
+            "gust": float(effect.options["gust"]),
+            "gust_rate": float(effect.options["gust_rate"]),
+            "shear": float(effect.options["shear"]),
+            "shear_height": 0.3,
+        }
+
+    def _gravity_tilt(self, effect: Effect) -> None:
+        extra = np.asarray(effect.options["direction"]) * effect.amplitude
+        self.numbers["gravity"] = tuple(np.asarray(self.numbers["gravity"]) + extra)
+
+    def _mass_heterogeneity(self, effect: Effect) -> None:
+        self.mass = self.mass * (1 + effect.amplitude * effect.where(self.body.nodes))
+
+    def _grip_slip(self, effect: Effect) -> None:
+        weight = float(self.mass.sum()) * 9.81 / max(len(self.arrays["grip_node"]), 1)
+        self.numbers |= {
+            "slip_force": float(effect.options["threshold"]) * weight,
+            "slip_rate": effect.amplitude * 0.05 / weight,
+        }
+
+    def _actuation_delay(self, effect: Effect) -> None:
+        """Done where the hands are made."""
+
+    def _hand_torque(self, effect: Effect) -> None:
+        """Done where the hands are made."""
+
+    def _adhesion(self, effect: Effect) -> None:
+        self.numbers |= {"adhesion": effect.amplitude, "adhesion_range": float(effect.options["range"])}
+
+    def _static_friction(self, effect: Effect) -> None:
+        self.numbers |= {"stribeck": effect.amplitude, "stribeck_speed": float(effect.options["speed"])}
+
+    def _self_collision(self, effect: Effect) -> None:
+        self.numbers["contact_radius"] = effect.amplitude
+
+    # From outside of the catalogue.
+
+    def _magnet(self, effect: Effect) -> None:
+        aside, along, high = (float(effect.options[key]) for key in ("aside", "along", "high"))
+        x, y, _ = self.world.scene.shift
+        self.numbers |= {
+            "magnet": effect.amplitude,
+            "magnet_exponent": float(effect.options["exponent"]),
+            "magnet_soft": 0.06,
+            "magnet_place": (float(x) + aside, float(y) + along, high),
+        }
+
+    def _shrinkage(self, effect: Effect) -> None:
+        self._shape_field(effect)
+        strain = effect.amplitude * float(effect.options["sign"])
+        self.numbers |= {"swelling": strain, "swelling_time": float(self.world.scene.times[-1])}
+
+    def _moving_base(self, effect: Effect) -> None:
+        spin = np.asarray(effect.options["axis"]) * effect.amplitude
+        self.numbers |= {"spin": tuple(spin), "spin_centre": tuple(self.world.scene.shift)}
+
+    def _stick_patch(self, effect: Effect) -> None:
+        self.arrays["node_field"] = effect.where(self.body.nodes)
+        self.numbers |= {"tether": effect.amplitude, "tether_damping": float(np.sqrt(effect.amplitude)) * 0.2}
+        self.stiff_factor += effect.amplitude / self._frequency() ** 2
+
+    def _buoyancy(self, effect: Effect) -> None:
+        # Nothing rests at z = 0 when it hangs: the surface is then below where it starts.
+        height = float(effect.options["height"]) - (0.4 if self.world.scene.ground is None else 0.0)
+        self.numbers |= {"buoyancy": effect.amplitude, "water_height": height, "water_band": 0.1}
+
+
+def coarser(world: World, factor: float) -> World:
+    """The same world on another, coarser mesh."""
+    return replace(world, spacing=world.spacing * factor, mesh_seed=world.mesh_seed + 1)

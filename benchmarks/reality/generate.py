@@ -1,0 +1,203 @@
+"""Generate worlds: observations with neutral names, and their labels apart.
+
+    python -m benchmarks.reality.generate --split dev --count 40 --out out/worlds/dev
+    python -m benchmarks.reality.generate --split test --count 100 --out out/worlds/test
+
+Development worlds are moved by MuJoCo, test worlds by our own finite elements, with other objects. Each
+world is a pair `NAME.npz` and `NAME.transfer.npz`: the same object, tracked points in the same order,
+another interaction.
+"""
+
+import argparse
+import hashlib
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.reality.effects import ALL, draw
+from benchmarks.reality.labels import write_labels
+from benchmarks.reality.magnitude import Simulate, checked_gap, measure, tune
+from benchmarks.reality.recipe import SPLITS, Recipe, Split, draw_recipe
+from benchmarks.reality.sensor import Sensor, lagging, report
+from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
+
+GENERATORS = {"dev": "mujoco", "test": "fem"}
+MODULES = {"mujoco": "benchmarks.reality.lattice", "fem": "benchmarks.reality.fem"}
+TRIES = 12
+
+
+def generator(name: str) -> Simulate:
+    """`simulate` of a generator."""
+    simulate: Simulate = import_module(MODULES[name]).simulate
+    return simulate
+
+
+def make(
+    seed: int, split: Split, index: int, generator_name: str
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]]:
+    """Observation, transfer observation, label of one world."""
+    simulate = generator(generator_name)
+    for attempt in range(TRIES):
+        recipe = draw_recipe(seed, split, index, attempt)
+        rng = np.random.default_rng([SPLITS[split], seed, 4, index, attempt])
+        try:
+            done = _realise(recipe, simulate, rng)
+        except Runaway:
+            continue
+        if done is not None:
+            observation, transfer, label = done
+            return (
+                observation,
+                transfer,
+                label | {"attempts": attempt + 1, "generator": generator_name, "split": split},
+            )
+    raise RuntimeError(f"world {index} of {split} with seed {seed}: no draw in {TRIES} could be realised")
+
+
+def _realise(
+    recipe: Recipe, simulate: Simulate, rng: np.random.Generator
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]] | None:
+    sensor, again = recipe.sensor, recipe.transfer_sensor
+    effects: list[Effect] = []
+    magnitude: dict[str, float] = {}
+    if recipe.names:
+        stick = measure(recipe.world, simulate, sensor.noise)
+        for name in recipe.names:
+            drawn = draw(name, recipe.world.shape, 1.0, rng)
+            tuned = tune(stick, drawn, ALL[name].range, recipe.target, simulate)
+            if tuned is None:
+                return None
+            effects.append(tuned[0])
+        motion = simulate(_lag(recipe.world.with_effects(*effects), sensor))
+        magnitude = {
+            "target": recipe.target,
+            "magnitude": checked_gap(stick, motion.points, simulate),
+            "discretisation_m": stick.discretisation,
+        }
+    else:
+        motion = simulate(_lag(recipe.world, sensor))
+    transfer = simulate(_lag(recipe.transfer.with_effects(*effects), again))
+    if not (_sane(motion) and _sane(transfer)):
+        return None
+    observation = report(motion.points, recipe.world.scene, sensor, rng)
+    second = report(transfer.points, recipe.transfer.scene, again, rng)
+    return observation, second, _label(recipe, effects, motion, magnitude)
+
+
+def _lag(world: World, sensor: Sensor) -> World:
+    return replace(world, scene=lagging(world.scene, sensor.lag))
+
+
+def _sane(motion: Motion) -> bool:
+    """Whether the object stays near and whole."""
+    away = np.abs(motion.points - motion.points[0].mean(axis=0)).max()
+    return bool(np.isfinite(motion.points).all() and away < 2.5)
+
+
+ACCEPTED = {
+    "": ["none"],
+    "coarse": ["none"],
+    "slit": ["none", "unknown"],
+    "scale": ["none"],
+    "drift": ["none"],
+    "depth": ["none"],
+    "jitter": ["none"],
+    "gain": ["none", "unknown"],
+    "lag": ["actuation_delay", "none"],
+}
+
+
+def _label(
+    recipe: Recipe, effects: list[Effect], motion: Motion, magnitude: dict[str, float]
+) -> dict[str, Any]:
+    names = [effect.name for effect in effects]
+    accepted = {"single": names, "pair": names, "outside": ["unknown"]}.get(
+        recipe.category, ACCEPTED[recipe.note]
+    )
+    acts = {name: motion.acts[name] for name in names}
+    return {
+        "category": recipe.category,
+        "effects": [asdict(effect) for effect in effects],
+        "accepted": accepted,
+        "note": recipe.note,
+        "source": {"perception": "perception", "actuation": "actuation", "topology": "parameters"}.get(
+            recipe.category, "physics" if names else "parameters"
+        ),
+        **magnitude,
+        "noise_m": recipe.sensor.noise,
+        "acts_on": acts,
+        "interaction": recipe.world.scene.interaction,
+        "transfer_interaction": recipe.transfer.scene.interaction,
+        "shape": recipe.world.shape.name,
+        "kind": recipe.world.shape.kind,
+        "material": asdict(recipe.world.material),
+        "spacing_m": recipe.world.spacing,
+        "sensor": asdict(recipe.sensor),
+    }
+
+
+def _name(split: Split, seed: int, index: int) -> str:
+    """A name that tells nothing."""
+    return hashlib.sha256(f"{split} {seed} {index}".encode()).hexdigest()[:10]
+
+
+def _work(job: tuple[int, Split, int, str, Path]) -> dict[str, Any] | None:
+    seed, split, index, generator_name, out = job
+    name = _name(split, seed, index)
+    try:
+        observation, transfer, label = make(seed, split, index, generator_name)
+    except RuntimeError as error:
+        print(error, file=sys.stderr)
+        return None
+    for ending, arrays in (("", observation), (".transfer", transfer)):
+        np.savez_compressed(out / f"{name}{ending}.npz", **arrays)
+    return {"world": name} | label
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Generate a split."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--split", choices=list(SPLITS), required=True)
+    parser.add_argument("--count", type=int, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--first", type=int, default=0, help="index of the first world")
+    parser.add_argument(
+        "--generator", choices=list(MODULES), help="another than the split's; for development only"
+    )
+    parser.add_argument("--workers", type=int, default=2)
+    options = parser.parse_args(arguments)
+    if options.split == "test" and options.generator not in (None, GENERATORS["test"]):
+        parser.error("test worlds have a generator of their own")
+    chosen = options.generator or GENERATORS[options.split]
+    options.out.mkdir(parents=True, exist_ok=True)
+    jobs = [
+        (options.seed, options.split, i, chosen, options.out)
+        for i in range(options.first, options.first + options.count)
+    ]
+    began, labels = time.monotonic(), []
+    with ProcessPoolExecutor(options.workers) as pool:
+        for done, label in enumerate(pool.map(_work, jobs), 1):
+            if label is not None:
+                labels.append(label)
+            spent = time.monotonic() - began
+            left = spent / done * (len(jobs) - done)
+            print(f"{done}/{len(jobs)} worlds, {spent:.0f} s, about {left:.0f} s left", flush=True)
+    labels.sort(key=lambda label: label["world"])
+    path = write_labels(options.out, labels, sealed=options.split == "test")
+    print(
+        f"wrote {len(labels)} worlds and {path}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
+    )
+    return 0 if len(labels) == len(jobs) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,145 @@
+"""How large a withheld effect is: the gap that a refit of the base leaves, in units of what hides it.
+
+With e the change of the observed motion by the effect, J the changes by base parameters (stiffness of both
+halves, viscosity, drag, friction) and s² = noise² + discretisation²:
+
+    magnitude = rms(e - J theta) / s,   theta from bounded least squares.
+
+Discretisation is the rms change by a mesh 1.6 times coarser, after the same projection: no twin has the mesh
+of reality, so that much of any gap is hidden. The rms is over points, frames and coordinates. The refit is
+then checked: the base is simulated again with theta, and where the rest is smaller than the linear one, it
+is what is reported.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from benchmarks.reality.world import Array, Effect, Material, Motion, Runaway, World
+
+Simulate = Callable[[World], Motion]
+COARSER = 1.6
+CLOSE = 1.25
+"""A magnitude within this factor of its target will do."""
+ATTEMPTS = 6
+LIMIT = 1.6
+"""How far a logarithm of a base parameter may move."""
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """The base motion of a world, what its parameters can do, and what hides a gap."""
+
+    world: World
+    base: Array
+    parameters: tuple[str, ...]
+    orthonormal: Array
+    triangular: Array
+    noise: float
+    discretisation: float
+
+    @property
+    def hidden(self) -> float:
+        """[m]."""
+        return float(np.hypot(self.noise, self.discretisation))
+
+    def refit(self, points: Array) -> tuple[Array, Array]:
+        """Parameters that explain most of `points` - base, and what they leave."""
+        change = (points - self.base).ravel()
+        seen = self.orthonormal.T @ change
+        theta = lsq_linear(self.triangular, seen, (-LIMIT, LIMIT)).x
+        return theta, change - self.orthonormal @ (self.triangular @ theta)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def changed(material: Material, name: str, by: float) -> Material:
+    """A base parameter times exp(by)."""
+    low, high = material.stiffness
+    factor = float(np.exp(by))
+    if name == "stiffness":
+        return replace(material, stiffness=(low * factor, high))
+    if name == "other stiffness":
+        return replace(material, stiffness=(low, high * factor))
+    return replace(material, **{name: getattr(material, name) * factor})
+
+
+def measure(world: World, simulate: Simulate, noise: float) -> Yardstick:
+    """Simulate the base world, its derivatives and its coarser self."""
+    base = simulate(world).points
+    names = ["stiffness", "other stiffness", "damping", "drag_rate"]
+    if world.scene.ground is not None:
+        names.append("friction")
+    columns = []
+    for name in names:
+        step = 0.15
+        moved = simulate(replace(world, material=changed(world.material, name, step))).points
+        columns.append((moved - base).ravel() / step)
+    q, r = np.linalg.qr(np.stack(columns, axis=1))
+    plain = Yardstick(world, base, tuple(names), q, r, noise, 0.0)
+    coarse = simulate(replace(world, spacing=world.spacing * COARSER, mesh_seed=world.mesh_seed + 1)).points
+    return replace(plain, discretisation=_rms(plain.refit(coarse)[1]))
+
+
+def gap(stick: Yardstick, points: Array) -> float:
+    """Magnitude of a change, by the linear refit."""
+    return _rms(stick.refit(points)[1]) / stick.hidden
+
+
+def checked_gap(stick: Yardstick, points: Array, simulate: Simulate) -> float:
+    """Magnitude of a change, by the better of the linear refit and a simulation of the refitted base."""
+    theta, rest = stick.refit(points)
+    material = stick.world.material
+    for name, by in zip(stick.parameters, theta, strict=True):
+        material = changed(material, name, float(by))
+    try:
+        again = simulate(replace(stick.world, material=material)).points
+    except Runaway:
+        return _rms(rest) / stick.hidden
+    return min(_rms(rest), _rms(points - again)) / stick.hidden
+
+
+def tune(
+    stick: Yardstick, effect: Effect, limits: tuple[float, float], target: float, simulate: Simulate
+) -> tuple[Effect, float] | None:
+    """The amplitude at which the effect has the target magnitude, found by secants on logarithms.
+
+    None: it cannot be reached within the limits.
+    """
+    low, high = limits
+    tried: list[tuple[float, float]] = []
+    amplitude = float(np.sqrt(low * high))
+    top = high
+    for _ in range(ATTEMPTS):
+        attempt = replace(effect, amplitude=amplitude)
+        try:
+            value = gap(stick, simulate(stick.world.with_effects(attempt)).points)
+        except Runaway:
+            top = amplitude
+            amplitude = (
+                float(np.sqrt(low * amplitude)) if not tried else float(np.sqrt(tried[-1][0] * amplitude))
+            )
+            continue
+        tried.append((amplitude, value))
+        if target / CLOSE <= value <= target * CLOSE:
+            return attempt, value
+        amplitude = _next(tried, target, low, top)
+        if any(abs(np.log(amplitude / was)) < 0.02 for was, _ in tried):
+            break
+    return None
+
+
+def _next(tried: list[tuple[float, float]], target: float, low: float, high: float) -> float:
+    below = [pair for pair in tried if pair[1] < target]
+    above = [pair for pair in tried if pair[1] >= target]
+    if below and above:
+        (a, g), (b, h) = max(below), min(above)
+        share = np.log(target / max(g, 1e-9)) / max(np.log(h / max(g, 1e-9)), 1e-6)
+        return float(np.clip(a * (b / a) ** np.clip(share, 0.1, 0.9), low, high))
+    amplitude, value = tried[-1]
+    factor = np.clip(target / max(value, 1e-6), 1 / 40, 40)
+    return float(np.clip(amplitude * factor, low, high))
