@@ -6,8 +6,8 @@ The torch oracle (`Dynamics` and an integrator) says what is right; this says th
   (`differentiate`); `emit` writes them into `engine.cpp`, which has the loops; `build` compiles and caches;
 - `layout` says where points and springs lie in memory; `call`, `program` and `function` run a frame and its
   adjoint as an operation of autograd;
-- `terms` says which terms a rollout has and what their constants are, or which of them it cannot take; `kernel`
-  does all of the above for them, and `cuda` does the same for a device.
+- `terms` says which terms a rollout has and what their constants are, or which of them no kernel can take;
+  `kernel` does all of the above for them, and `cuda` does the same for a device.
 
 It differentiates once: `torch.func` transforms and second derivatives are the oracle's (`backend="torch"`).
 """
