@@ -15,7 +15,7 @@ from model.simulator.divergence import SimulationDiverged
 from model.simulator.system import State
 from model.types import Array
 
-STEP = 0.1
+STEP = 0.25
 """Of a coordinate, for a difference: wide enough to look across the kinks that contacts make."""
 WIDEST = 12
 """Worlds that are rolled out at once; more would only take memory."""

@@ -1,0 +1,104 @@
+"""Bodies from points that are seen: what they are, what joins them, what is held."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from model.errors import InputError
+from model.gap.bodies.body import body_of, first_places
+from model.gap.bodies.guess import guess_shape
+from model.types import Observation
+
+
+def seen(places, controllers=None, frames=4):
+    hands = np.zeros((0, 3)) if controllers is None else np.asarray(controllers)
+    return Observation(
+        times=np.arange(frames) / 30.0,
+        points=np.repeat(np.asarray(places, np.float32)[None], frames, 0),
+        controllers=np.repeat(hands.astype(np.float32)[None], frames, 0),
+    )
+
+
+@pytest.fixture
+def rope():
+    """180 points on a bent rope of 0.5 m, 1 cm thick."""
+    rng = np.random.default_rng(0)
+    s, angle = np.linspace(0, 1, 180), rng.uniform(0, 2 * np.pi, 180)
+    line = np.stack([0.5 * s, 0.06 * np.sin(np.pi * s), 0 * s], -1)
+    return line + 0.005 * np.stack([0 * s, np.cos(angle), np.sin(angle)], -1)
+
+
+@pytest.fixture
+def sheet():
+    """A wavy sheet of 0.3 × 0.24 m, standing."""
+    u, v = np.meshgrid(np.linspace(0, 0.3, 15), np.linspace(0, 0.24, 12), indexing="ij")
+    return np.stack([u, 0.02 * np.sin(20 * u), v], -1).reshape(-1, 3)
+
+
+@pytest.fixture
+def ball():
+    """180 points all over a ball of 0.2 m."""
+    i = np.arange(180) + 0.5
+    z, angle = 1 - i / 90, np.pi * (1 + 5**0.5) * i
+    across = np.sqrt(1 - z**2)
+    return 0.1 * np.stack([across * np.cos(angle), across * np.sin(angle), z], -1)
+
+
+@pytest.mark.parametrize("name", ["rope", "sheet", "solid"])
+def test_knows_what_it_sees(name, request):
+    places = request.getfixturevalue("ball" if name == "solid" else name)
+    for turn in Rotation.random(4, random_state=1):
+        assert guess_shape(turn.apply(places) + np.array([1.0, 2.0, 3.0])) == name
+    assert body_of(seen(places)).shape == name
+
+
+def test_markers_in_a_row_are_a_rope():
+    row = np.stack([np.linspace(0, 1, 9), np.zeros(9), np.zeros(9)], -1)
+    body = body_of(seen(row, controllers=[[-0.1, 0, 0], [1.1, 0, 0]]))
+    assert body.shape == "rope"
+    assert body.points[:, 0].min() == pytest.approx(-0.1)
+    assert body.points[:, 0].max() == pytest.approx(1.1)
+    assert len(body.springs) == len(body.points) - 1
+    assert set(body.grip[:, 0]) == {0, 1}
+
+
+@pytest.mark.parametrize("name", ["rope", "sheet", "ball"])
+def test_what_is_seen_lies_on_the_body(name, request):
+    places = request.getfixturevalue(name)
+    body = body_of(seen(places))
+    np.testing.assert_allclose(body.weight.sum(1), 1.0)
+    bound = (body.weight[..., None] * body.points[body.index]).sum(1)
+    assert np.linalg.norm(bound - places, axis=1).max() < body.spacing
+    assert body.share.sum() == pytest.approx(1.0)
+    assert len(np.unique(body.springs)) == len(body.points)
+
+
+def test_a_solid_has_an_inside(ball):
+    body = body_of(seen(ball))
+    assert (np.linalg.norm(body.points, axis=1) < 0.08).sum() > 20
+    assert (np.linalg.norm(body.points, axis=1) < 0.1001).all()
+
+
+def test_another_scale_is_another_lattice(sheet):
+    assert len(body_of(seen(sheet), scale=1.4).points) < 0.8 * len(body_of(seen(sheet)).points)
+
+
+def test_controllers_hold_what_is_within_reach(sheet):
+    body = body_of(seen(sheet, controllers=[sheet[0], [0.0, 0.0, 1.0]]))
+    assert set(body.grip[:, 0]) == {0}
+    held = body.points[body.grip[:, 1]]
+    assert np.linalg.norm(held - sheet[0], axis=1).max() < body.spacing
+
+
+def test_a_hidden_point_is_placed_by_its_neighbours(sheet):
+    observation = seen(sheet)
+    points = observation.points.copy()
+    points[1:] += np.array([0.0, 0.0, 0.05], np.float32)
+    points[0, 7] = np.nan
+    moved = Observation(observation.times, points, observation.controllers)
+    np.testing.assert_allclose(first_places(moved)[7], sheet[7], atol=1e-6)
+
+
+def test_refuses_what_is_never_seen():
+    with pytest.raises(InputError, match="fewer than three"):
+        body_of(seen(np.full((5, 3), np.nan)))

@@ -1,0 +1,89 @@
+"""A fit finds what was planted, through an observer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.gap.bodies.body import body_of
+from model.gap.effects import QuadraticAirDrag, StrainStiffening
+from model.gap.estimate import Coordinates, Misfit, Span, estimate
+from model.gap.hypothesis import Hypothesis
+from model.gap.observer import Observer, noise_of
+from model.gap.plain import PlainTwin
+from model.gap.screen import BLOCKS, screen
+from model.types import Observation
+
+FRAMES = 40
+
+
+@pytest.fixture
+def shaken():
+    """A sheet held by one edge and shaken, as an observation that has not moved yet, and its twin."""
+    u, v = np.meshgrid(np.linspace(0, 0.3, 9), np.linspace(0, 0.2, 7), indexing="ij")
+    places = np.stack([u, 0 * u, -v], -1).reshape(-1, 3)
+    times = np.arange(FRAMES) / 30.0
+    held = places[places[:, 2] > -0.01]
+    swing = np.stack([0.05 * np.sin(9 * times), 0.08 * np.sin(7 * times), 0 * times], -1)
+    still = Observation(
+        times=times,
+        points=np.repeat(places[None].astype(np.float32), FRAMES, 0),
+        controllers=(held[None] + swing[:, None]).astype(np.float32),
+    )
+    return still, PlainTwin.of(body_of(still, "sheet"), still)
+
+
+def moved(still, hypothesis, values, noise=5e-4):
+    with torch.no_grad():
+        world = hypothesis.at(values)
+        points = world.sight(world.rollout().points).numpy()
+    points = points + np.random.default_rng(1).normal(0, noise, points.shape)
+    return replace(still, points=points.astype(np.float32))
+
+
+def test_noise_is_told_from_motion(shaken):
+    still, _ = shaken
+    carried = still.points + 0.1 * np.sin(8 * still.times)[:, None, None]
+    noise = np.random.default_rng(1).normal(0, 2e-3, carried.shape)
+    seen = replace(still, points=(carried + noise).astype(np.float32))
+    assert noise_of(seen) == pytest.approx(2e-3, rel=0.05)
+
+
+def test_finds_what_was_planted(shaken):
+    still, twin = shaken
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    truth = {**start, "stiffness": 0.4 * start["stiffness"], "drag_rate": 1.5}
+    seen = moved(still, plain, truth)
+    assert 4e-4 < noise_of(seen) < 1.2e-3
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    vector = misfit.coordinates.vector(start)
+    found = estimate(misfit, vector[None], 12)
+    assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.15)
+    assert found.values["drag_rate"] == pytest.approx(truth["drag_rate"], rel=0.25)
+    assert found.cost < 0.2 * float((misfit(vector[None]) ** 2).mean())
+
+
+def test_a_screen_ranks_what_was_planted_first(shaken):
+    still, twin = shaken
+    plain, effects = Hypothesis(twin), (StrainStiffening(), QuadraticAirDrag())
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    truth = {**start, "quadratic_air_drag.drag_per_mass": 3.0}
+    seen = moved(still, plain.with_effect(effects[1]), truth)
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    base = estimate(misfit, misfit.coordinates.vector(start)[None], 8)
+    frames = np.repeat(np.arange(1, FRAMES), seen.points.shape[1] * 3)
+    scores = screen(misfit, base, effects, BLOCKS * frames // FRAMES)
+    assert max(scores, key=lambda score: score.best.foretold).name == "quadratic_air_drag"
+    assert scores[1].best.foretold > 0.1 > scores[0].best.foretold
+
+
+def test_coordinates_go_there_and_back():
+    coordinates = Coordinates({**StrainStiffening.quantities, **QuadraticAirDrag.quantities})
+    values = {"stiffening": 7.0, "drag_per_mass": 0.2}
+    assert coordinates.values(coordinates.vector(values)) == pytest.approx(values)
+    low, high = coordinates.bounds
+    beyond = coordinates.vector({"stiffening": 1e9, "drag_per_mass": 0.0})
+    assert beyond[0] == high[0]
+    assert beyond[1] == low[1]

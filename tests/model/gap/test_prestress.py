@@ -1,0 +1,29 @@
+"""Tensions at rest, against statics."""
+
+import numpy as np
+
+from model.gap.prestress import resting_tensions
+
+
+def test_a_hanging_chain_bears_what_is_below():
+    points = np.stack([np.zeros(6), np.zeros(6), -0.1 * np.arange(6)], -1)
+    springs = np.stack([np.arange(5), np.arange(1, 6)], -1)
+    weights = np.tile([0.0, 0.0, -2.0], (6, 1))
+    borne = np.arange(6) == 0
+    tensions = resting_tensions(points, springs, weights, borne)
+    np.testing.assert_allclose(tensions, 2.0 * np.array([5, 4, 3, 2, 1]), rtol=0.02)
+
+
+def test_balances_every_point_that_nothing_bears():
+    rng = np.random.default_rng(2)
+    points = rng.uniform(0, 0.2, (30, 3))
+    springs = np.argwhere(np.triu(np.ones((30, 30)), 1))
+    weights = np.tile([0.0, 0.0, -1.0], (30, 1))
+    borne = np.arange(30) < 3
+    tensions = resting_tensions(points, springs, weights, borne)
+    way = points[springs[:, 1]] - points[springs[:, 0]]
+    pull = tensions[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
+    force = weights.copy()
+    np.add.at(force, springs[:, 0], pull)
+    np.add.at(force, springs[:, 1], -pull)
+    assert np.abs(force[~borne]).max() < 0.02
