@@ -11,6 +11,7 @@ from model.errors import InputError
 from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
+from model.simulator.forces.base import AxialForce
 from model.simulator.integrators.base import Integrator
 from model.simulator.kernel.call import Interval
 from model.simulator.kernel.cuda.kernel import CudaKernel
@@ -40,6 +41,11 @@ class Path(ABC):
             dt: Substep [s].
             checkpoint: Store the state alone for the backward pass, and compute the rest again there.
         """
+
+    @property
+    def look(self) -> int:
+        """The least frames between two looks at `slopes`, for these to cost little beside the frames."""
+        return 1
 
     @abstractmethod
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
@@ -83,6 +89,12 @@ class FastPath(Path):
         keeps = torch.is_grad_enabled() and not checkpoint
         return self._kernel.advance(state, held, Interval(dt, drive.count, drive.interval), keeps)
 
+    @property
+    def look(self) -> int:
+        """Seldom where a law remembers, whose slopes come from torch and cost as much as many substeps."""
+        remembers = any(isinstance(term, AxialForce) and term.memory for term, _ in self._dynamics.forces)
+        return 4 if remembers else 1
+
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
         """By the adjoint of one substep."""
         return self._kernel.slopes(state, anchors) or differentiate(self._dynamics, state, anchors)
@@ -101,6 +113,11 @@ class Watched(Path):
         if self._meeting.meets(state.positions, after.positions):
             return self._whole.advance(state, drive, dt, checkpoint)
         return after
+
+    @property
+    def look(self) -> int:
+        """As without contact."""
+        return self._free.look
 
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
         """Impulses have none."""

@@ -1,7 +1,5 @@
 """The simulator: a system, what acts on it, and how time advances."""
 
-import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeAlias
@@ -20,24 +18,15 @@ from model.simulator.dynamics import Dynamics
 from model.simulator.forces.base import ForceTerm
 from model.simulator.integrators.base import Integrator
 from model.simulator.integrators.semi_implicit_euler import SemiImplicitEuler
+from model.simulator.pace import MARGIN, Pace, substeps_for
 from model.simulator.parameters import broadcast
 from model.simulator.stability import stable_step
 from model.simulator.system import Anchors, State, System, check_shapes
-
-MARGIN = 1.2
-"""How many more substeps than the stability bound asks for at the state it was computed at."""
-LONGEST = 5e-4
-"""The longest substep [s], for systems so soft that stability asks for less: a first-order step errs by about
-dt/2 in time, and so by 0.5 % of the motion in 0.1 s."""
 
 Progress: TypeAlias = Callable[[int, int], None]
 """Called after each frame with the frames done and the frames there are."""
 Lead: TypeAlias = Callable[[int, State], State]
 """Given a frame and the state predicted for it, the state to go on from."""
-
-
-class StabilityWarning(UserWarning):
-    """The substeps asked for are fewer than the stability bound allows."""
 
 
 @dataclass(frozen=True)
@@ -171,7 +160,8 @@ class Simulator(nn.Module):
             frames: T, where neither `controls` nor `times` says it.
             fps: Frames per second, where `times` does not say it.
             times: Time of each frame [s], strictly increasing.
-            substeps: Per frame interval; None: what the stability bound asks for, with a margin.
+            substeps: Per frame interval; None: what the stability bound asks for, with a margin, frame by
+                frame (`Pace`).
             checkpoint: Store one state per frame for the backward pass and compute the rest again there.
             progress: Called after each frame.
             lead: Called after each frame with its number and the state; the next frame starts from what it
@@ -182,29 +172,27 @@ class Simulator(nn.Module):
             SimulationDiverged: a state is not finite; says frame, point and term.
 
         Warns:
-            StabilityWarning: `substeps` is below the stability bound.
+            StabilityWarning: `substeps` is below the stability bound; says in which frame.
             FallbackWarning: no kernel can be had; says why.
         """
         moments = clock(times, frames if controls is None else len(controls), fps)
         motion = self._controls(controls, len(moments))
         dynamics = self.dynamics()
         now = self._start(dynamics, state, motion)
-        now = _remembering(
-            dynamics, now, None if motion is None else Anchors(motion[0], torch.zeros_like(motion[0]))
-        )
+        held = None if motion is None else Anchors(motion[0].detach(), torch.zeros_like(motion[0]))
+        now = _remembering(dynamics, now, held)
         path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
-        counts = self._counts(dynamics, path, now, motion, np.diff(moments), substeps)
-        history = [now]
-        for frame, (interval, count) in enumerate(zip(np.diff(moments), counts, strict=True), start=1):
-            dt = float(interval) / count
-            drive = Drive(motion, frame, float(interval), count)
-            before = now
-            now = path.advance(before, drive, dt, checkpoint)
-            if not finite(now):
-                raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
+        intervals = [float(interval) for interval in np.diff(moments)]
+        pace = Pace(dynamics, path, substeps)
+        if intervals:
+            pace.start(now, held, max(intervals))
+        history, counts = [now], list[int]()
+        for frame, interval in enumerate(intervals, start=1):
+            now, count = self._frame(dynamics, path, pace, now, motion, frame, interval, checkpoint)
             if lead is not None:
                 now = lead(frame, now)
             history.append(now)
+            counts.append(count)
             if progress is not None:
                 progress(frame, len(moments) - 1)
         return Rollout(
@@ -215,30 +203,27 @@ class Simulator(nn.Module):
             tuple(counts),
         )
 
-    def _counts(
+    def _frame(
         self,
         dynamics: Dynamics,
         path: Path,
-        state: State,
+        pace: Pace,
+        before: State,
         motion: Tensor | None,
-        intervals: np.ndarray,
-        given: int | None,
-    ) -> list[int]:
-        """Substeps of each interval."""
-        if not len(intervals):
-            return []
-        if given is not None and given < 1:
-            raise InputError(f"substeps is {given}: give at least 1, or leave it out")
-        anchors = None if motion is None else Anchors(motion[0].detach(), torch.zeros_like(motion[0]))
-        limit = stable_step(dynamics, state, anchors, path.slopes(state, anchors))
-        if given is None:
-            return [substeps_for(float(interval), limit, MARGIN) for interval in intervals]
-        if float(intervals.max()) / given >= limit:
-            least = math.ceil(float(intervals.max()) / limit)
-            warnings.warn(
-                f"{given} substeps per frame: stability needs {least}", StabilityWarning, stacklevel=3
-            )
-        return [given] * len(intervals)
+        frame: int,
+        interval: float,
+        checkpoint: bool,
+    ) -> tuple[State, int]:
+        """The state one frame on, and the substeps that it took."""
+        while True:
+            count = pace.count(interval)
+            drive, dt = Drive(motion, frame, interval, count), interval / count
+            after = path.advance(before, drive, dt, checkpoint)
+            if pace.accepts(before, after, drive):
+                break
+        if not finite(after):
+            raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
+        return after, count
 
     def _start(self, dynamics: Dynamics, state: State | None, motion: Tensor | None) -> State:
         """The state to start from, with the batch that the constants and controls have."""
@@ -289,11 +274,6 @@ class Simulator(nn.Module):
 
     def _contacts(self) -> list[ContactTerm]:
         return [self.contact(name) for name in self.contacts]
-
-
-def substeps_for(interval: float, limit: float, margin: float) -> int:
-    """Substeps of `interval` [s], each at most `limit` / `margin` and at most LONGEST [s]."""
-    return math.ceil(interval * max(margin / limit, 1 / LONGEST))
 
 
 def _remembering(dynamics: Dynamics, state: State, anchors: Anchors | None) -> State:

@@ -12,6 +12,10 @@ from model.simulator.system import Anchors, State
 
 ITERATIONS = 200
 TOLERANCE = 1e-4
+FOLLOWING = 2
+"""Iterations from a vector that is near."""
+SLOWEST = 1e-30
+"""Norm below which nothing moves."""
 
 Slopes: TypeAlias = Callable[[Tensor], tuple[Tensor, Tensor]]
 """(∂a/∂x)ᵀu and (∂a/∂v)ᵀu of a vector u, a being the accelerations of all points [m/s²]."""
@@ -39,24 +43,60 @@ def stable_step(
         method, Acta Numerica 12 (dt·ω < 2 of the undamped oscillator); the damped bound is the root at -1 of
         the characteristic polynomial of v' = v - dt(ω²x + cv), x' = x + dt·v'.
     """
-    slopes = slopes or differentiate(dynamics, state, anchors)
-    root = dynamics.inverse_mass.detach().sqrt()
-    generator = torch.Generator().manual_seed(0)
-    vector = torch.randn(state.positions.shape, generator=generator, dtype=torch.float64).to(state.positions)
-    vector = vector / vector.norm()
-    step = math.inf
-    for _ in range(ITERATIONS):
-        # symmetric form M^-1/2 (K or C) M^-1/2; accelerations already hold one M^-1
-        stiff, damped = (-slope * root for slope in slopes(vector / root))
-        a, b = float((vector * stiff).sum()), float((vector * damped).sum())
-        previous, step = step, _root(a, b)
-        if math.isinf(step):
-            return step
-        turned = step**2 * stiff + 2 * step * damped
-        vector = turned / turned.norm()
-        if abs(previous - step) < TOLERANCE * step:
-            break
-    return step
+    watch = StabilityWatch(dynamics, lambda s, a: slopes or differentiate(dynamics, s, a))
+    return watch.find(state, anchors)
+
+
+class StabilityWatch:
+    """The bound of `stable_step` along a rollout: found once, then followed at little cost.
+
+    Explicit steps are themselves a power iteration: what grows in them is what lies outside of the bound. So
+    the eigenvector of the last look, with what now moves added to it, is near the one sought, and a few
+    iterations find its eigenvalue.
+
+    Args:
+        dynamics: The terms and their constants.
+        slopes: How accelerations change near a state.
+    """
+
+    def __init__(self, dynamics: Dynamics, slopes: Callable[[State, Anchors | None], Slopes]) -> None:
+        """See the class."""
+        self._slopes = slopes
+        self._root = dynamics.inverse_mass.detach().sqrt()
+        self._vector: Tensor | None = None
+
+    def find(self, state: State, anchors: Anchors | None) -> float:
+        """The largest stable dt [s] near a state."""
+        generator = torch.Generator().manual_seed(0)
+        vector = torch.randn(state.positions.shape, generator=generator, dtype=torch.float64)
+        return self._iterate(state, anchors, vector.to(state.positions), ITERATIONS)
+
+    def follow(self, state: State, anchors: Anchors | None) -> float:
+        """The same at a later state of the rollout."""
+        moving = state.velocities.detach() / self._root
+        if self._vector is None:
+            return self.find(state, anchors)
+        start = self._vector + moving / moving.norm().clamp_min(SLOWEST)
+        return self._iterate(state, anchors, start, FOLLOWING)
+
+    @torch.no_grad()
+    def _iterate(self, state: State, anchors: Anchors | None, vector: Tensor, most: int) -> float:
+        """The bound from a vector in the symmetric form M^-1/2 (K or C) M^-1/2; keeps where it came to."""
+        slopes, step = self._slopes(state, anchors), math.inf
+        vector = vector / vector.norm()
+        for _ in range(most):
+            # accelerations already hold one M^-1
+            stiff, damped = (-slope * self._root for slope in slopes(vector / self._root))
+            a, b = float((vector * stiff).sum()), float((vector * damped).sum())
+            previous, step = step, _root(a, b)
+            if math.isinf(step):
+                return step
+            turned = step**2 * stiff + 2 * step * damped
+            vector = turned / turned.norm()
+            if abs(previous - step) < TOLERANCE * step:
+                break
+        self._vector = vector
+        return step
 
 
 def differentiate(dynamics: Dynamics, state: State, anchors: Anchors | None) -> Slopes:

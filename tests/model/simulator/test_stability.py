@@ -10,7 +10,8 @@ from model.simulator.forces.dashpot import Dashpot
 from model.simulator.forces.gravity import Gravity
 from model.simulator.forces.spring import Spring
 from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
-from model.simulator.simulator import LONGEST, MARGIN, Simulator, StabilityWarning, substeps_for
+from model.simulator.pace import LONGEST, MARGIN, StabilityWarning, substeps_for
+from model.simulator.simulator import Simulator
 from model.simulator.stability import stable_step
 from model.simulator.system import State
 
