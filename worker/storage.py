@@ -11,7 +11,9 @@ import shutil
 import time
 import uuid
 from collections.abc import Iterator, Sequence
+from datetime import timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
 import obstore
@@ -21,8 +23,12 @@ from obstore.store import LocalStore, ObjectStore, from_url
 from model.errors import InputError
 from worker.record import JobFile
 
+if TYPE_CHECKING:
+    from obstore.store import ClientConfig, RetryConfig
+
 CHUNK = 1 << 20
-KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*(/[A-Za-z0-9][A-Za-z0-9._-]*)*/?")
+PATIENCE_S = 20.0
+KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*(/[A-Za-z0-9][A-Za-z0-9._-]*)*")
 
 
 class StorageError(Exception):
@@ -41,17 +47,20 @@ class Storage:
     Args:
         url: `file:///folder` or `s3://bucket/prefix`; credentials, region and endpoint of the latter come
             from the environment (`AWS_ACCESS_KEY_ID`, `AWS_ENDPOINT_URL`, ...).
+        patience_s: How long a call to a bucket tries again before it raises [s].
 
     Raises:
         InputError: no such kind of store, or the folder cannot be made.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, patience_s: float = PATIENCE_S) -> None:
         """See the class."""
-        self._store, self._folder = _open(url)
+        self._store, self._folder = _open(url, patience_s)
 
     def publish(self, key: str, path: Path) -> JobFile:
         """Store the file at `path` under `key`, whole or not at all, and say what was stored.
+
+        The same file may be published again, as when the answer to the first call was lost.
 
         Raises:
             Exists: the key is taken.
@@ -64,7 +73,8 @@ class Storage:
             obstore.put(self._store, key, path, mode="create")
             self._sync(key)
         except AlreadyExistsError:
-            raise Exists(key) from None
+            if not self._holds(key, digest):
+                raise Exists(key) from None
         except (BaseError, OSError) as error:
             raise StorageError(_reason(error)) from error
         return JobFile(name=key.rpartition("/")[2], bytes=path.stat().st_size, sha256=digest, key=key)
@@ -111,7 +121,7 @@ class Storage:
     def list(self, prefix: str = "") -> Sequence[str]:
         """All keys below a prefix."""
         if prefix:
-            _check(prefix)
+            _check(prefix.removesuffix("/"))
         try:
             return sorted(each["path"] for page in obstore.list(self._store, prefix or None) for each in page)
         except BaseError as error:
@@ -123,7 +133,7 @@ class Storage:
         Raises:
             StorageError: the store is unreachable.
         """
-        _check(prefix)
+        _check(prefix.removesuffix("/"))
         if self._folder is not None:  # the folders go too, and what a killed writer left half written
             place = self._folder / prefix
             shutil.rmtree(place, ignore_errors=True) if prefix.endswith("/") else place.unlink(
@@ -151,6 +161,13 @@ class Storage:
         """Room left on the file system of a folder; None: a bucket does not say."""
         return None if self._folder is None else shutil.disk_usage(self._folder).free
 
+    def _holds(self, key: str, digest: str) -> bool:
+        """Whether a key has the content of this sha256."""
+        stored = hashlib.sha256()
+        for chunk in self.stream(key):
+            stored.update(chunk)
+        return stored.hexdigest() == digest
+
     def _sync(self, key: str) -> None:
         """Have a stored file, and its name, on the disk before anybody is told of it."""
         if self._folder is not None:
@@ -163,7 +180,7 @@ class Storage:
                     os.close(descriptor)
 
 
-def _open(url: str) -> tuple[ObjectStore, Path | None]:
+def _open(url: str, patience_s: float) -> tuple[ObjectStore, Path | None]:
     parts = urlsplit(url)
     if parts.scheme == "file" and not parts.netloc:
         folder = Path(unquote(parts.path))
@@ -174,7 +191,9 @@ def _open(url: str) -> tuple[ObjectStore, Path | None]:
         return LocalStore(folder), folder
     if parts.scheme == "s3" and parts.netloc:
         plain = os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")
-        return from_url(url, client_options={"allow_http": plain, "timeout": "30s"}), None
+        settings: ClientConfig = {"allow_http": plain, "timeout": "30s", "connect_timeout": "5s"}
+        retries: RetryConfig = {"max_retries": 10, "retry_timeout": timedelta(seconds=patience_s)}
+        return from_url(url, client_options=settings, retry_config=retries), None
     raise InputError(f"{url}: expected file:///FOLDER or s3://BUCKET/PREFIX")
 
 
