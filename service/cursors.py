@@ -8,6 +8,8 @@ from typing import Final
 from service.errors import ProblemError
 
 JOB_ID: Final = re.compile(r"[0-9a-f]{32}")
+CURSOR_PATTERN: Final = r"^[A-Za-z0-9_-]{21}[AQgw]$"
+"""What every cursor looks like: 16 bytes in base64."""
 
 
 def encode_cursor(job_id: str) -> str:

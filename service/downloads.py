@@ -17,7 +17,8 @@ MEDIA_TYPES: Final = {
     "png": "image/png",
     "html": "text/html; charset=utf-8",
 }
-"""By suffix; everything else is bytes."""
+"""By suffix."""
+OTHER_MEDIA_TYPE: Final = "application/octet-stream"
 SHOWN: Final = ("mp4", "json", "png")
 """What a browser may show in place; nothing that can hold a script."""
 
@@ -49,7 +50,7 @@ def send_file(request: Request, storage: Storage, file: JobFile) -> Response:
             start, end, status = *wanted, 206
             headers["Content-Range"] = f"bytes {start}-{end - 1}/{file.bytes}"
     headers["Content-Length"] = str(end - start)
-    media_type = MEDIA_TYPES.get(suffix, "application/octet-stream")
+    media_type = MEDIA_TYPES.get(suffix, OTHER_MEDIA_TYPE)
     if request.method == "HEAD":
         return Response(status_code=status, headers=headers, media_type=media_type)
     if storage.size(file.key) != file.bytes:

@@ -8,6 +8,7 @@ from fastapi.openapi.utils import get_openapi
 
 from model.job_schema import Problem
 from model.version import __version__
+from service.downloads import MEDIA_TYPES, OTHER_MEDIA_TYPE
 from service.errors import MEDIA_TYPE, TITLES, TYPE_PREFIX
 from worker.kinds.base import Kind
 
@@ -18,6 +19,7 @@ Every request but those for the page and for health carries `Authorization: Bear
 `application/problem+json` (RFC 9457). A `POST` may carry an `Idempotency-Key`: sent again with the same
 content, it gives the same job; with other content, it is refused. Times are RFC 3339, UTC.
 """
+BINARY = {"type": "string", "format": "binary"}
 RETRY_AFTER = {
     "description": "Seconds to wait before the next try.",
     "schema": {"type": "integer", "minimum": 1},
@@ -32,10 +34,13 @@ ACCEPTED: dict[str, Any] = {
     },
 }
 
-BINARY: dict[str, Any] = {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}
+ANY_FILE: dict[str, Any] = {
+    media_type.partition(";")[0]: {} if media_type.endswith("json") else {"schema": BINARY}
+    for media_type in (OTHER_MEDIA_TYPE, *MEDIA_TYPES.values())
+}
 FILE_RESPONSES: dict[int | str, dict[str, Any]] = {
-    200: {"description": "The file", "content": BINARY},
-    206: {"description": "The part of it that was asked for", "content": BINARY},
+    200: {"description": "The file", "content": ANY_FILE},
+    206: {"description": "The part of it that was asked for", "content": ANY_FILE},
     304: {"description": "Not changed"},
 }
 
@@ -67,7 +72,6 @@ def _problem(status: int) -> dict[str, Any]:
 
 def describe_upload(kind: type[Kind]) -> dict[str, Any]:
     """The `openapi_extra` of a route that takes the inputs and options of a kind of job."""
-    binary = {"type": "string", "format": "binary"}
     options = {
         name: _plain(schema) for name, schema in kind.options.model_json_schema()["properties"].items()
     }
@@ -75,7 +79,7 @@ def describe_upload(kind: type[Kind]) -> dict[str, Any]:
     form = {
         "type": "object",
         "required": required,
-        "properties": {name: binary for name in kind.inputs} | options,
+        "properties": {name: BINARY for name in kind.inputs} | options,
         "additionalProperties": False,
     }
     return {
@@ -85,11 +89,12 @@ def describe_upload(kind: type[Kind]) -> dict[str, Any]:
         ],
         "requestBody": {
             "required": True,
-            "description": f"The {main} itself, or a form with it and what belongs to it.",
+            "description": f"The {main} itself, or a form with it and what belongs to it. "
+            "Fields of the form go before the query.",
             "content": {
                 "multipart/form-data": {"schema": form},
-                "application/octet-stream": {"schema": binary},
-                "video/mp4": {"schema": binary},
+                "application/octet-stream": {"schema": BINARY},
+                "video/mp4": {"schema": BINARY},
             },
         },
     }

@@ -159,12 +159,12 @@ def _full() -> ProblemError:
 
 
 def _merge(request: Request, fields: Mapping[str, str]) -> dict[str, str]:
-    """Options of the query and of the form, each once."""
-    pairs = [*request.query_params.multi_items(), *fields.items()]
+    """Options of the query, and of the form, which goes before."""
+    pairs = request.query_params.multi_items()
     chosen = dict(pairs)
     if len(chosen) < len(pairs):
-        raise ProblemError("invalid-request", "an option is given twice")
-    return chosen
+        raise ProblemError("invalid-request", "an option is given twice in the query")
+    return chosen | dict(fields)
 
 
 def check_parent(parent: JobRecord, noun: str) -> None:

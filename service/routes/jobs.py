@@ -10,7 +10,7 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 
 from model.job_schema import EXAMPLE_ID, Job, JobPage, JobStatus
 from service.access import Reader, Submitter
-from service.cursors import decode_cursor
+from service.cursors import CURSOR_PATTERN, decode_cursor
 from service.downloads import send_file
 from service.errors import ProblemError
 from service.front import Front, front_of
@@ -119,7 +119,7 @@ def _add_reading(router: APIRouter, resource: Resource) -> None:
         key: Reader,
         status: Annotated[JobStatus | None, Query(description="Only those.")] = None,
         cursor: Annotated[
-            str | None, Query(max_length=64, description="`next_cursor` of the page before.")
+            str | None, Query(pattern=CURSOR_PATTERN, description="`next_cursor` of the page before.")
         ] = None,
         limit: Annotated[int, Query(ge=1, le=100)] = 20,
     ) -> JobPage:

@@ -94,10 +94,14 @@ def test_an_option_that_is_none_is_named(serving, http, clip, query, field):
 
 
 def test_an_option_given_twice_is_refused(http, clip):
-    for url in ("/twins?parts=3&parts=4", "/twins?parts=3"):
-        answer = http.post(url, files={"video": clip}, data={"parts": "3"})
-        assert answer.status_code == 422
-        assert "twice" in answer.json()["detail"]
+    answer = http.post("/twins?parts=3&parts=4", files={"video": clip})
+    assert answer.status_code == 422
+    assert "twice" in answer.json()["detail"]
+
+
+def test_a_field_of_the_form_goes_before_the_query(http, clip):
+    answer = http.post("/twins?parts=3&seed=1", files={"video": clip}, data={"parts": "4"})
+    assert answer.json()["options"] | {"parts": 4, "seed": 1} == answer.json()["options"]
 
 
 def test_a_form_without_a_clip_is_refused(http):
