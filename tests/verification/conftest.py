@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from model.simulator.drive import Drive
 from model.simulator.forces.controller import ControllerSpring
 from model.simulator.forces.dashpot import Dashpot
 from model.simulator.forces.spring import Spring
 from model.simulator.simulator import Simulator
-from model.simulator.system import State, System
+from model.simulator.system import Anchors, State, System
 
 
 @pytest.fixture
@@ -105,14 +104,20 @@ class Body:
         held = [ControllerSpring(90.0)] if self.system.controller_count else []
         return Simulator(self.system, [Spring(self.stiffness), *held, Dashpot(0.05), *more], contacts)
 
+    def hands(self, frame, interval, share):
+        """Where they are at this share of the way to a frame, by the contract, not by the code under test."""
+        if self.controls is None:
+            return None
+        begin, end = self.controls[frame - 1], self.controls[frame]
+        return Anchors((1 - share) * begin + share * end, (end - begin) / interval)
+
     def by(self, springs, frames, interval, substeps):
         """Where another simulator has the points in each frame [m]."""
         springs.set(self.start.positions.numpy(), self.start.velocities.numpy())
         places = [springs.positions]
         for frame in range(1, frames):
-            drive = Drive(self.controls, frame, interval, substeps)
             for substep in range(substeps):
-                springs.step(drive(substep))
+                springs.step(self.hands(frame, interval, (substep + 1) / substeps))
             places.append(springs.positions)
         return np.stack(places)
 
