@@ -1,16 +1,13 @@
 """A front over a real Redis and a real store, asked over real HTTP; no worker: tests do what one would."""
 
 import socket
-import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import av
 import httpx
-import numpy as np
 import pytest
 import uvicorn
 
@@ -140,34 +137,7 @@ def http(serving) -> Iterator[httpx.Client]:
         yield client
 
 
-def make_clip(
-    frames: int = 6,
-    size: tuple[int, int] = (64, 48),
-    container: str = "mp4",
-    rate: int = 30,
-    codec: str = "mpeg4",
-) -> bytes:
-    options = {"movflags": "faststart"} if container == "mp4" else {}
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "clip"
-        with av.open(str(path), "w", format=container, options=options) as out:
-            stream = out.add_stream(codec, rate=rate)
-            stream.width, stream.height, stream.pix_fmt = *size, "yuvj420p" if codec == "mjpeg" else "yuv420p"
-            for index in range(frames):
-                image = np.zeros((size[1], size[0], 3), np.uint8)
-                image[:, index % size[0] :][:, :8] = 255
-                out.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="rgb24")))
-            out.mux(stream.encode())
-        return path.read_bytes()
-
-
 @pytest.fixture(scope="session")
-def clip() -> bytes:
+def clip(film) -> bytes:
     """A tiny MP4 of something that moves."""
-    return make_clip()
-
-
-@pytest.fixture(scope="session")
-def film():
-    """Makes clips: `film(frames=…, size=…, container=…, rate=…)`."""
-    return make_clip
+    return film()
