@@ -10,8 +10,9 @@ differences 2 % wide: of stiffness, and of friction; 1 where they agree. `basin`
 stiffness from which the loss falls all the way to the truth, of a scan from a quarter to four in steps of
 10 %; `valleys` counts the minima of the scan. A scan is one rollout: a batch of parameter sets on one scene.
 
-`cut` detaches the state every ten frames; `segments` starts again every ten frames from where the truth was
-seen, with 1 mm of noise and velocities from differences of that (teacher forcing), all segments in one batch.
+`cut` detaches the state every ten frames; `clipped` clips the adjoint of the state after every frame;
+`segments` starts again every ten frames from where the truth was seen, with 1 mm of noise and velocities from
+differences of that (teacher forcing), all segments in one batch.
 `--memory` prints what the gradient of 150 frames takes, with and without checkpoints.
 """
 
@@ -31,7 +32,7 @@ from torch import Tensor
 from model.simulator.fitting.scene import Scene
 from model.simulator.system import State
 
-FPS, OFF, SEGMENT, NOISE, WIDTH = 30.0, 1.1, 10, 1e-3, 1e-2
+FPS, OFF, SEGMENT, NOISE, WIDTH, CLIP = 30.0, 1.1, 10, 1e-3, 1e-2, 100.0
 CHOSEN = [each for each in OBJECTS if each.name.startswith("sheet") or each.thrown]
 NAMES = {
     "stiffness": "spring.stiffness",
@@ -72,6 +73,39 @@ def cut(truth: Tensor) -> Way:
             state = State(part.end.positions.detach(), part.end.velocities.detach(), part.end.memory)
             first = last
         return torch.cat(left)
+
+    return roll
+
+
+class Clamp(torch.autograd.Function):
+    """Hands values on, and slopes back no larger than a limit."""
+
+    @staticmethod
+    def forward(ctx, values, limit):
+        """As they are."""
+        ctx.limit = limit
+        return values.clone()
+
+    @staticmethod
+    def backward(ctx, slopes):
+        """Each within the limit."""
+        return slopes.clamp(-ctx.limit, ctx.limit), None
+
+
+def clipped(truth: Tensor) -> Way:
+    """The same values, slopes clipped after every frame: CLIP by place, as much in a frame by velocity."""
+
+    def calm(_frame: int, state: State) -> State:
+        places = Clamp.apply(state.positions, CLIP)
+        return State(places, Clamp.apply(state.velocities, CLIP / FPS), state.memory)
+
+    def roll(scene: Scene, frames: int, substeps: int) -> Tensor:
+        held = None if scene.controls is None else scene.controls[:frames]
+        times = scene.times[:frames]
+        led = scene.simulator.rollout(
+            scene.state, held, times=times, substeps=substeps, checkpoint=True, lead=calm
+        )
+        return led.points - truth[:frames].reshape(frames, *[1] * (led.points.ndim - 3), -1, 3)
 
     return roll
 
@@ -166,7 +200,7 @@ def table(each: Object, horizons: list[int]) -> None:
     print(
         f"\n{each.name}\n{'way':10}{'frames':>7}{columns}{'true':>14}{'basin':>16}{'valleys':>8}{'seconds':>9}"
     )
-    for way in (plain, cut, segments):
+    for way in (plain, cut, clipped, segments):
         for frames in horizons:
             if frames <= SEGMENT and way is not plain:
                 continue
@@ -176,7 +210,7 @@ def table(each: Object, horizons: list[int]) -> None:
             asked = ["stiffness", "friction"] if each.thrown else ["stiffness"]
             true = [float(found[s].sum()) / slope(off, NAMES[s], roll, frames + 1, substeps) for s in asked]
             low, high, valleys = basin(
-                scan(truth_scene, 60.0, plain(truth) if way is cut else roll, frames + 1)
+                scan(truth_scene, 60.0, roll if way is segments else plain(truth), frames + 1)
             )
             cells = "".join(f"{float(found[name].norm()):12.3g}" for name in names)
             cells += f"{', '.join(f'{ratio:.2f}' for ratio in true):>14}{f'{low:.2f} … {high:.2f}':>16}"

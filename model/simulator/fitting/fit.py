@@ -1,7 +1,7 @@
 """Fit parameters of a scene to what really moved: over growing horizons, from several starts."""
 
-import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -55,9 +55,7 @@ def fit(
     best = min(runs, key=lambda each: each.ended.loss)
     with torch.no_grad():
         fitted = objective.at(torch.from_numpy(best.z))
-        points = fitted.rollout(
-            substeps=best.look.substeps if math.isfinite(best.ended.loss) else None
-        ).points
+        points = objective.roll(fitted, replace(best.look, horizon=len(scene.times) - 1)).points
     return Fit(
         values=best.ended.values,
         scene=fitted,

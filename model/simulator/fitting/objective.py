@@ -15,7 +15,8 @@ from model.simulator.fitting.minimise import Vector
 from model.simulator.fitting.scene import Scene
 from model.simulator.fitting.target import Target
 from model.simulator.fitting.unknown import Unknown
-from model.simulator.simulator import Rollout, StabilityWarning
+from model.simulator.pace import StabilityWarning
+from model.simulator.simulator import Rollout
 
 Apply: TypeAlias = Callable[[Scene, Mapping[str, Tensor]], Scene]
 """The scene with the unknowns, by name, at these values."""
@@ -85,7 +86,7 @@ class Objective:
         """Loss and gradient; None where either is not finite."""
         leaf = torch.from_numpy(z.copy()).requires_grad_()
         try:
-            points = self._roll(self.at(leaf), z, look).points
+            points = self.roll(self.at(leaf), look).points
         except SimulationDiverged:
             return None
         loss = self.loss(points, self.split(leaf))
@@ -101,7 +102,7 @@ class Objective:
         leaf = torch.from_numpy(z.copy())
         with torch.no_grad():
             try:
-                points = self._roll(self.at(leaf), z, look).points
+                points = self.roll(self.at(leaf), look).points
             except SimulationDiverged:
                 return None
             parts = [self.target.residuals(points).double().reshape(-1)]
@@ -123,13 +124,13 @@ class Objective:
                 total = total + unknown.slack(part).square().sum()
         return total / max(1, self.target.count(len(points)))
 
-    def _roll(self, scene: Scene, z: Vector, look: Look) -> Rollout:
-        """With the substeps asked for, or as many as these values need where that is more."""
+    @staticmethod
+    def roll(scene: Scene, look: Look) -> Rollout:
+        """With the substeps asked for, or as many as stability asks for along the way where that is more."""
         frames = look.horizon + 1
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error", StabilityWarning)
                 return scene.rollout(frames, substeps=look.substeps, checkpoint=look.checkpoint)
         except StabilityWarning:
-            needed = self.substeps(z, 1.0)
-            return scene.rollout(frames, substeps=needed, checkpoint=look.checkpoint)
+            return scene.rollout(frames, checkpoint=look.checkpoint)

@@ -27,7 +27,7 @@ def lattice(counts, spacing, reach):
 def chain():
     """A hanging chain of eight points that starts level and swings; made with the parameters given."""
 
-    def build(stiffness=60.0, damping=0.02, drag=0.5, mass=0.004, frames=16, dtype=torch.float64):
+    def build(stiffness=60.0, damping=0.02, drag=0.5, mass=0.004, frames=11, dtype=torch.float64):
         points, pairs, lengths = lattice((8, 1, 1), 0.03, 1.1)
         simulator = build_simulator(
             points=points,
@@ -52,7 +52,7 @@ def chain():
 def sheet():
     """A sheet held at one edge that falls and flaps."""
 
-    def build(stiffness=40.0, damping=0.02, drag=0.5, frames=13):
+    def build(stiffness=40.0, damping=0.02, drag=0.5, frames=9):
         points, pairs, lengths = lattice((5, 4, 1), 0.03, 1.5)
         held = np.arange(4)
         simulator = build_simulator(
@@ -78,7 +78,7 @@ def sheet():
 def block():
     """A block thrown on the ground, on which it slides."""
 
-    def build(stiffness=150.0, damping=0.1, friction=0.4, velocity=(0.8, 0.0, -0.5), mass=0.003, frames=10):
+    def build(stiffness=150.0, damping=0.1, friction=0.4, velocity=(0.8, 0.0, -0.5), mass=0.003, frames=8):
         points, pairs, lengths = lattice((3, 3, 3), 0.03, 1.8)
         simulator = build_simulator(
             points=points + np.array([0.0, 0.0, 0.01]),

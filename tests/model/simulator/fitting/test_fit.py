@@ -24,10 +24,16 @@ def test_stiffness_dashpot_and_drag_of_what_hangs(request, watched, kind, dampin
     truth = {STIFFNESS: 60.0, DASHPOT: damping, DRAG: drag}
     target = watched(make(60.0, damping, drag))
     guess = make(20.0, 0.01, 0.2)
-    found = fit(guess, [seek(guess, name) for name in truth], target, Plan(evaluations=60), uncertain=True)
+    found = fit(
+        guess,
+        [seek(guess, name) for name in truth],
+        target,
+        Plan(evaluations=40, horizons=(4, 10)),
+        uncertain=True,
+    )
     assert found.verdict.outcome == "converged", found.verdict
     assert found.loss == pytest.approx(1.0, abs=0.15)
-    assert float(found.values[STIFFNESS]) == pytest.approx(60.0, rel=0.05)
+    assert float(found.values[STIFFNESS]) == pytest.approx(60.0, rel=0.08)
     for name, value in truth.items():
         assert (
             abs(float(found.values[name]) - value) < 5 * float(found.covariance.spread[name]) + 0.05 * value
@@ -41,7 +47,7 @@ def test_friction_and_the_velocity_of_a_thrown_block(block, watched):
         seek(guess, "ground.friction", start=0.15, bounds=(0.0, 2.0)),
         seek(guess, "state.velocities", start=torch.tensor([0.4, 0.2, 0.0]), scale=0.5),
     ]
-    found = fit(guess, unknowns, target, Plan(evaluations=80))
+    found = fit(guess, unknowns, target, Plan(evaluations=50, horizons=(3, 7)))
     assert float(found.values["ground.friction"]) == pytest.approx(0.4, rel=0.1)
     torch.testing.assert_close(
         found.values["state.velocities"], torch.tensor([0.8, 0.0, -0.5]).double(), atol=0.03, rtol=0.0
@@ -56,7 +62,7 @@ def test_mass_and_gravity_of_a_chain_of_known_stiffness(chain, watched):
         seek(guess, "system.mass", share=torch.zeros(8, dtype=torch.long)),
         seek(guess, "gravity.gravity", start=torch.tensor([0.0, 0.5, -9.0]), scale=1.0),
     ]
-    found = fit(guess, unknowns, target, Plan(evaluations=80))
+    found = fit(guess, unknowns, target, Plan(evaluations=40, horizons=(4, 10)))
     assert float(found.values["system.mass"]) == pytest.approx(0.004, rel=0.03)
     torch.testing.assert_close(
         found.values["gravity.gravity"], torch.tensor([0.0, 0.0, -9.81]).double(), atol=0.1, rtol=0.0
@@ -69,7 +75,7 @@ def test_a_stiffness_for_each_part_as_a_factor_of_what_there_is(chain, watched):
     base = chain().with_values({STIFFNESS: 40.0 * ramp})
     truth = base.with_values({STIFFNESS: 40.0 * ramp * torch.tensor([2.0, 0.5])[share]})
     unknown = seek(base, STIFFNESS, share=share, relative=True)
-    found = fit(base, [unknown], watched(truth), Plan(evaluations=60))
+    found = fit(base, [unknown], watched(truth), Plan(evaluations=30, horizons=(10,)))
     assert found.values[STIFFNESS].tolist() == pytest.approx([2.0, 0.5], rel=0.05)
     expected = 40.0 * ramp * found.values[STIFFNESS][share]
     torch.testing.assert_close(found.scene.value(STIFFNESS), expected)
@@ -89,7 +95,7 @@ def test_in_single_precision(chain, watched, method):
 def test_a_bound_is_kept_and_named(chain, watched, method):
     guess = chain(20.0)
     unknown = seek(guess, STIFFNESS, bounds=(5.0, 30.0))
-    found = fit(guess, [unknown], watched(chain()), Plan(evaluations=40, method=method))
+    found = fit(guess, [unknown], watched(chain()), Plan(evaluations=20, horizons=(10,), method=method))
     assert 29.9 < float(found.values[STIFFNESS]) <= 30.0 * (1 + 1e-12)
     assert found.verdict.at_bounds == (STIFFNESS,)
     assert found.verdict.outcome == "converged"
@@ -98,7 +104,7 @@ def test_a_bound_is_kept_and_named(chain, watched, method):
 
 def test_a_parameter_that_starts_at_zero_is_found(chain, watched):
     guess = chain(drag=0.0)
-    found = fit(guess, [seek(guess, DRAG)], watched(chain(drag=0.5)), Plan(evaluations=40))
+    found = fit(guess, [seek(guess, DRAG)], watched(chain(drag=0.5)), Plan(evaluations=20, horizons=(10,)))
     assert float(found.values[DRAG]) == pytest.approx(0.5, rel=0.1)
 
 
@@ -107,7 +113,7 @@ def test_too_few_evaluations_are_said_and_kept_to(chain, watched, method):
     guess = chain(5.0, 0.3, 5.0)
     unknowns = [seek(guess, name) for name in (STIFFNESS, DASHPOT, DRAG)]
     seen = []
-    plan = Plan(evaluations=9, horizons=(3, 15), method=method)
+    plan = Plan(evaluations=9, horizons=(3, 10), method=method)
     found = fit(guess, unknowns, watched(chain()), plan, watch=seen.append)
     assert found.verdict.outcome == "budget"
     assert 7.5 < found.evaluations < 9 + 1e-6
@@ -115,16 +121,16 @@ def test_too_few_evaluations_are_said_and_kept_to(chain, watched, method):
     costs = [step.cost for step in seen]
     assert costs == sorted(costs)
     assert seen[0].horizon == 3
-    assert seen[-1].horizon == 15
+    assert seen[-1].horizon == 10
 
 
 def test_held_out_frames_do_not_enter_the_loss(chain, watched):
-    target = watched(chain(frames=16))
-    last = np.arange(16) >= 12
+    target = watched(chain())
+    last = np.arange(11) >= 8
     train, heldout = target.split(last)
     spoiled = Target(torch.where(torch.from_numpy(last)[:, None, None], 9.0, target.points))
     guess = chain(20.0)
-    plan = Plan(evaluations=30)
+    plan = Plan(evaluations=12, horizons=(7,))
     found = fit(guess, [seek(guess, STIFFNESS)], train, plan, heldout=heldout)
     again = fit(guess, [seek(guess, STIFFNESS)], train, plan, heldout=spoiled.split(last)[1])
     assert found.values[STIFFNESS] == again.values[STIFFNESS]
@@ -134,29 +140,40 @@ def test_held_out_frames_do_not_enter_the_loss(chain, watched):
 def test_a_prior_holds_what_the_observation_does_not(chain, watched):
     target = watched(chain())
     guess = chain(60.0)
-    loose = fit(guess, [seek(guess, STIFFNESS, prior=Gaussian(30.0, 10.0))], target, Plan(evaluations=30))
-    tight = fit(guess, [seek(guess, STIFFNESS, prior=Gaussian(30.0, 1e-4))], target, Plan(evaluations=30))
+    plan = Plan(evaluations=12, horizons=(10,))
+    loose = fit(guess, [seek(guess, STIFFNESS, prior=Gaussian(30.0, 10.0))], target, plan)
+    tight = fit(guess, [seek(guess, STIFFNESS, prior=Gaussian(30.0, 1e-4))], target, plan)
     assert float(loose.values[STIFFNESS]) == pytest.approx(60.0, rel=0.03)
     assert float(tight.values[STIFFNESS]) == pytest.approx(30.0, rel=0.03)
 
 
 def test_other_starts_find_the_better_basin(chain, watched):
-    """A swing seen from the middle on: half as fast fits it, too, though worse."""
+    """Seen as a whole, an undamped swing looks right at several stiffnesses, though only at one as it is."""
     truth = chain(15.0, 0.001, 0.05, frames=20)
     target, _ = watched(truth).split(np.arange(20) < 13)
-    guess = chain(500.0, 0.001, 0.05, frames=20)
+    guess = chain(400.0, 0.001, 0.05, frames=20)
     unknown = seek(guess, STIFFNESS, bounds=(1.0, 1e4))
-    plan = Plan(evaluations=25, horizons=(19,), refine=1.0, method="lbfgs")
-    several_plan = replace(plan, restarts=5, spread=2.0, seed=1)
+    plan = Plan(14, (19,), refine=1.0, method="lbfgs")
     alone = fit(guess, [unknown], target, plan)
-    several = fit(guess, [unknown], target, several_plan)
-    again = fit(guess, [unknown], target, several_plan)
+    several = fit(guess, [unknown], target, replace(plan, restarts=2, spread=1.5, seed=5))
     assert alone.loss > 10
     assert several.loss < 1.3
     assert float(several.values[STIFFNESS]) == pytest.approx(15.0, rel=0.05)
+    assert len(several.starts) == 3
     assert several.starts[0].loss == alone.loss
-    assert len(several.starts) == 6
-    assert [each.loss for each in again.starts] == [each.loss for each in several.starts]
+    assert several.best.loss == several.loss
+
+
+def test_starts_are_the_same_each_time(chain, watched):
+    guess = chain(20.0)
+    unknown = seek(guess, STIFFNESS)
+    plan = Plan(2, (2,), refine=1.0, restarts=2)
+    first, again = (fit(guess, [unknown], watched(chain()), plan) for _ in range(2))
+    other = fit(guess, [unknown], watched(chain()), replace(plan, seed=1))
+    begun = [[float(each.start[STIFFNESS]) for each in found.starts] for found in (first, again, other)]
+    assert begun[0] == begun[1]
+    assert begun[0][0] == begun[2][0] == pytest.approx(20.0)
+    assert begun[0][1] != begun[2][1]
 
 
 def test_a_step_into_nothing_is_rejected(chain, watched):
