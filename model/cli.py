@@ -172,6 +172,69 @@ def simulate(
 
 
 @matphys.command()
+@click.argument("source", type=click.Path(exists=True, path_type=Path))
+@click.option(
+    "--out", type=OutputFile, required=True, metavar="OBSERVATION.npz", help="Where the observation goes."
+)
+@click.option("--twin", type=InputFile, metavar="TWIN", help="The twin of the clip SOURCE.")
+@click.option("--fps", type=float, metavar="N", help="Frames per second of a PhysTwin case (30).")
+@click.option("--mask", type=InputFile, metavar="PNG", help="The object on the keyframe, white on black.")
+@click.option("--box", callback=_box, metavar="x,y,w,h", help="A box around the object on the keyframe [px].")
+@click.option("--segmentation", default="classical", metavar="NAME", help="Method: classical, sam2.")
+@click.option("--tracking", default="opencv", metavar="NAME", help="Method: opencv, cotracker.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
+)
+@click.option("--quiet", is_flag=True, help="No progress, no warnings.")
+def observe(
+    source: Path,
+    out: Path,
+    twin: Path | None,
+    fps: float | None,
+    mask: Path | None,
+    box: tuple[int, int, int, int] | None,
+    segmentation: str,
+    tracking: str,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Say what really moved in SOURCE: a PhysTwin case (final_data.pkl), or a clip with its --twin."""
+    _check_outputs(source, out)
+    from model.observation import write_observation
+    from model.observation_doubts import observation_doubts
+
+    with progress(quiet) as report, collect_doubts() as doubts:
+        if twin is None:
+            from model.observe.phystwin import FPS, observe_phystwin
+
+            if source.suffix != ".pkl":
+                raise InputError(f"{source.name}: expected a .pkl of PhysTwin, or a clip with its --twin")
+            observation = observe_phystwin(source, FPS if fps is None else fps)
+        else:
+            from model.bundle import TwinBundle
+            from model.observe.clip import observe_clip
+            from model.registry import by_name
+            from model.segmentation import ALL_SEGMENTERS
+            from model.tracking import ALL_TRACKERS
+
+            _one_thread()
+            segmenter = by_name(ALL_SEGMENTERS, segmentation, "segmentation")()
+            tracker = by_name(ALL_TRACKERS, tracking, "tracking")()
+            bundle = TwinBundle.load(twin)
+            observation = observe_clip(source, bundle, segmenter, tracker, report, mask=mask, box=box)
+        write_observation(out, observation)
+    frames, points = observation.points.shape[:2]
+    if as_json:
+        controllers = observation.controllers.shape[1]
+        counts = {"frames": frames, "points": points, "controllers": controllers}
+        _print_json({"observation": str(out), **counts, "seconds": float(observation.times[-1])})
+    elif not quiet:
+        click.echo(f"wrote {out} ({frames} frames of {points} points, {observation.times[-1]:.2f} s)")
+    if not quiet:
+        _warn([*doubts, *observation_doubts(observation)])
+
+
+@matphys.command()
 @click.argument("twin", type=InputFile)
 @click.option("--to", "target", required=True, metavar="FORMAT", help="ply.")
 @click.option(
