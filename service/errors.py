@@ -15,6 +15,7 @@ from starlette.routing import Match
 
 from model.errors import InputError
 from model.job_schema import Problem
+from worker.storage import StorageError
 
 MEDIA_TYPE = "application/problem+json"
 TYPE_PREFIX = "urn:matphys:problem:"
@@ -99,9 +100,7 @@ def translate(error: Exception) -> ProblemError:
             return _http(error)
         case InputError():
             return ProblemError("bad-input", str(error))
-        case redis.exceptions.OutOfMemoryError() | redis.exceptions.ReadOnlyError():
-            return ProblemError("unavailable", "try again shortly", retry_after=RETRY_SECONDS)
-        case redis.exceptions.RedisError() | ConnectionError() | TimeoutError():
+        case redis.exceptions.RedisError() | StorageError() | ConnectionError() | TimeoutError():
             return ProblemError("unavailable", "try again shortly", retry_after=RETRY_SECONDS)
         case OSError() if error.errno in (errno.ENOSPC, errno.EDQUOT):
             return ProblemError("no-space", "try again later", retry_after=60)
@@ -121,7 +120,7 @@ def install(app: FastAPI) -> None:
 
     for kind in (ProblemError, RequestValidationError, HTTPException, InputError, Exception):
         app.add_exception_handler(kind, handle)
-    for kind in (redis.exceptions.RedisError, OSError):
+    for kind in (redis.exceptions.RedisError, StorageError, OSError):
         app.add_exception_handler(kind, handle)
 
 

@@ -6,9 +6,10 @@ from typing import Final
 from uuid import uuid4
 
 from starlette.datastructures import MutableHeaders
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.errors import ProblemError, answer
+from service.errors import answer, translate
 from service.metrics import Metrics
 
 log = logging.getLogger("matphys.access")
@@ -24,6 +25,8 @@ HEADERS: Final = {
     "Cache-Control": "no-store",
 }
 """Sent unless the response has its own. No CORS header is sent at all: other sites' pages read nothing."""
+GONE: Final = 499
+"""The status, in log and metrics alone, of a request whose client hung up."""
 QUIET: Final = ("/livez", "/readyz", "/metrics")
 """Asked every few seconds: not in the log while all is well."""
 
@@ -56,11 +59,13 @@ class RequestFrame:
 
         try:
             await self._app(scope, receive, send_framed)
-        except Exception:
+        except ClientDisconnect:
+            status = status or GONE
+        except Exception as error:
             if status:  # too late for another answer: the connection is cut, and the client sees that
                 raise
             log.exception("request failed", extra={"request_id": request_id})
-            await answer(ProblemError("internal"), request_id)(scope, receive, send_framed)
+            await answer(translate(error), request_id)(scope, receive, send_framed)
         finally:
             self._record(scope, status, time.perf_counter() - started)
 

@@ -1,4 +1,5 @@
 import asyncio
+import logging
 import os
 import socket
 import time
@@ -57,11 +58,15 @@ def test_an_upload_that_stalls_is_given_up(serve):
     assert gone(serving)
 
 
-def test_a_client_that_hangs_up_leaves_nothing(serving):
-    with begin(serving):
-        staged(serving)
-    assert gone(serving)
+def test_a_client_that_hangs_up_leaves_nothing_and_is_no_error(serving, caplog):
+    with caplog.at_level(logging.INFO, "matphys.access"):
+        with begin(serving):
+            staged(serving)
+        assert gone(serving)
+        while not caplog.records:
+            time.sleep(0.01)
     assert serving.stored() == []
+    assert [(record.levelname, record.status) for record in caplog.records] == [("INFO", 499)]
 
 
 def test_what_a_killed_front_left_is_swept_once_it_is_old(intake):

@@ -10,7 +10,7 @@ import pytest
 import redis
 
 from model.errors import InputError
-from worker.embedded import EmbeddedRedis, find_redis_server
+from worker.embedded import EmbeddedRedis, find_redis_server, running_address
 
 
 def gone(pid: int, seconds: float = 5.0) -> bool:
@@ -125,6 +125,23 @@ def test_a_path_too_long_for_a_socket_is_no_obstacle(tmp_path):
     assert not sockets.exists()
     with EmbeddedRedis(deep) as server:
         assert get(server.url, "job") == b"accepted"
+
+
+def test_others_find_a_server_that_runs_and_none_that_does_not(tmp_path):
+    assert running_address(tmp_path) is None
+    assert running_address(tmp_path / "nothing") is None
+    with EmbeddedRedis(tmp_path / ("x" * 120)) as server:
+        assert running_address(tmp_path / ("x" * 120)) == server.url
+    assert running_address(tmp_path / ("x" * 120)) is None
+
+
+def test_a_launch_does_not_wait(tmp_path):
+    server = EmbeddedRedis(tmp_path)
+    server.launch()
+    assert server.pid is not None
+    server.start()
+    assert get(server.url, "job") is None
+    server.stop()
 
 
 def test_damaged_data_are_refused_with_one_line_and_nothing_keeps_running(tmp_path):
