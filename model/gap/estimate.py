@@ -1,5 +1,7 @@
 """Fit the parameters of a world to what an observer sees: Gauss-Newton, many worlds at once."""
 
+import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -11,12 +13,17 @@ from scipy.optimize import least_squares
 from model.gap.effects.base import Quantity
 from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
+from model.gap.world import World
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.system import State
 from model.types import Array
 
-STEP = 0.25
-"""Of a coordinate, for a difference: wide enough to look across the kinks that contacts make."""
+STEPS = (0.25, 0.08, 0.025)
+"""Of a coordinate, for a difference: wide at first, to look across the kinks of contacts, then fine."""
+SPARE = 1.3
+"""Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
+WANDER = 0.6
+"""How far an evolution strategy looks at first, in coordinates."""
 WIDEST = 12
 """Worlds that are rolled out at once; more would only take memory."""
 
@@ -86,7 +93,7 @@ class Misfit:
         self.hypothesis, self.observer, self.span, self.noise = hypothesis, observer, span, noise
         self.coordinates = Coordinates(hypothesis.quantities)
         self.width = WIDEST if hypothesis.together else 1
-        self.evaluations = 0
+        self.evaluations, self._substeps = 0, 0
         frames = slice(span.first, span.last + 1)
         self._seen = observer.seen[frames].clone()
         self._seen[0] = False
@@ -101,10 +108,21 @@ class Misfit:
         """The same for another hypothesis."""
         return Misfit(hypothesis, self.observer, self.span, self.noise)
 
-    def jacobian(self, vector: Float64[Array, " d"]) -> Float64[Array, "m d"]:
-        """Slopes by one-sided differences, away from the nearer bound."""
+    def settle(self) -> None:
+        """Forget how finely time was divided for worlds that were looked at before."""
+        self._substeps = 0
+
+    def _divided(self, world: World) -> int:
+        """Substeps per frame: the same for all worlds of a fit, so that none differs by its time steps."""
+        needed = self.observer.substeps(world)
+        if needed > self._substeps:
+            self._substeps = math.ceil(SPARE * needed)
+        return self._substeps
+
+    def jacobian(self, vector: Float64[Array, " d"], width: float = STEPS[-1]) -> Float64[Array, "m d"]:
+        """Slopes by one-sided differences of this width, away from the nearer bound."""
         _, high = self.coordinates.bounds
-        step = np.where(vector + STEP > high, -STEP, STEP)
+        step = np.where(vector + width > high, -width, width)
         rows = [
             np.concatenate([vector[None], part])
             for part in _portions(vector + np.diag(step), max(1, self.width - 1))
@@ -122,9 +140,9 @@ class Misfit:
                 values = self.coordinates.tensors(vectors)
                 if len(vectors) == 1:
                     values = {name: value[0, 0] for name, value in values.items()}
-                led = self.observer.lead(
-                    self.hypothesis(values), self.span.state, self.span.first, self.span.last
-                )
+                world, span = self.hypothesis(values), self.span
+                substeps = self._divided(world)
+                led = self.observer.lead(world, span.state, span.first, span.last, substeps=substeps)
         except SimulationDiverged:
             if len(vectors) == 1:
                 return np.full((1, int(self._seen.sum()) * 3), self.observer.lost / self.noise)
@@ -153,33 +171,45 @@ class Estimate:
         return float(np.mean(self.residuals**2))
 
 
-def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estimate:
-    """The best of several starts, followed to its minimum.
+def estimate(
+    misfit: Misfit, starts: Float64[Array, "s d"], generations: int, steps: int, seed: int = 0
+) -> Estimate:
+    """The best of several starts, followed to its minimum: an evolution strategy, then Gauss-Newton.
+
+    Soft bodies that swing are nearly chaotic: the misfit is rough, and its valleys are narrow. An evolution
+    strategy finds the valley, slopes find its floor.
 
     Args:
         misfit: What is to be small.
         starts: Where to begin; all are looked at, the best is followed.
+        generations: Of the evolution strategy; each costs `WIDEST` rollouts.
         steps: Gauss-Newton steps at most; each costs one rollout per coordinate, and one.
+        seed: Of the evolution strategy.
+
+    Reference:
+        Hansen (2016), The CMA evolution strategy: a tutorial, arXiv:1604.00772.
     """
     begun = misfit.evaluations
-    first = misfit(starts)
     low, high = misfit.coordinates.bounds
-    start = np.clip(starts[int((first**2).mean(1).argmin())], low + 1e-6, high - 1e-6)
-    latest: dict[bytes, Float64[Array, " m"]] = {}
-
-    def residuals(vector: Float64[Array, " d"]) -> Float64[Array, " m"]:
-        key = vector.tobytes()
-        if key not in latest:
-            latest.clear()
-            latest[key] = misfit(vector[None])[0]
-        return latest[key]
-
-    def slopes(vector: Float64[Array, " d"]) -> Float64[Array, "m d"]:
-        return misfit.jacobian(vector)
-
-    found = least_squares(
-        residuals, start, slopes, bounds=(low, high), max_nfev=steps, xtol=1e-3, ftol=1e-4, gtol=1e-8
-    )
+    inside = np.clip(starts, low + 1e-6, high - 1e-6)
+    vector = inside[int((misfit(inside) ** 2).mean(1).argmin())]
+    misfit.settle()
+    vector = np.clip(_evolved(misfit, vector, generations, seed), low + 1e-6, high - 1e-6)
+    found, left = None, steps
+    for width in STEPS:
+        found = least_squares(
+            lambda vector: misfit(vector[None])[0],
+            vector,
+            lambda vector, width=width: misfit.jacobian(vector, width),
+            bounds=(low, high),
+            max_nfev=max(left, 1),
+            xtol=0.05 * width,
+            ftol=1e-3,
+        )
+        vector, left = np.clip(found.x, low + 1e-6, high - 1e-6), left - found.nfev
+        if left <= 0:
+            break
+    assert found is not None
     return Estimate(
         misfit.coordinates.values(found.x),
         found.x,
@@ -188,6 +218,24 @@ def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estim
         misfit.evaluations - begun,
         bool(found.status > 0),
     )
+
+
+def _evolved(
+    misfit: Misfit, start: Float64[Array, " d"], generations: int, seed: int
+) -> Float64[Array, " d"]:
+    if not generations:
+        return start
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it asks for matplotlib, for plots that nobody draws here
+        import cma
+    low, high = misfit.coordinates.bounds
+    options = {"bounds": [list(low), list(high)], "popsize": WIDEST, "maxiter": generations}
+    strategy = cma.CMAEvolutionStrategy(start, WANDER, {**options, "seed": seed + 1, "verbose": -9})
+    while not strategy.stop():
+        asked = np.array(strategy.ask())
+        strategy.tell(list(asked), list(np.log((misfit(asked) ** 2).mean(1) + 1e-12)))
+    best: Float64[Array, " d"] = strategy.result.xbest
+    return best
 
 
 def _portions(vectors: Float64[Array, "b d"], size: int) -> list[Float64[Array, "c d"]]:

@@ -94,12 +94,12 @@ class Observer:
             interval = float(world.times[first + frame] - world.times[first + frame - 1])
             return self._corrected(state, expected, first + frame, interval)
 
-        substeps = substeps or self._substeps(world)
+        substeps = substeps or self.substeps(world)
         rollout = world.rollout(start, first, last, substeps, look)
         predicted.insert(0, world.sight(rollout.points[0]))
         return Led(torch.stack(predicted), rollout)
 
-    def _substeps(self, world: World) -> int:
+    def substeps(self, world: World) -> int:
         """What stability asks for, looked at where no grip has the length zero: there it has no direction."""
         rest = world.system.points
         generator = torch.Generator().manual_seed(0)
