@@ -24,7 +24,7 @@ from oracle import scene
 from peers import NAMES, STEPS, peers
 
 from model.simulator.kernel import build
-from model.simulator.kernel.call import Interval, slot_rows
+from model.simulator.kernel.call import Interval, state_rows
 from model.simulator.kernel.cuda.kernel import CudaKernel
 from model.simulator.kernel.kernel import Kernel
 from model.simulator.kernel.layout import lay_out
@@ -200,17 +200,22 @@ def thread_table(repeats: int) -> None:
 TOUCH = """
 #include <cstdint>
 typedef int32_t V __attribute__((vector_size(32)));
+typedef int32_t H __attribute__((vector_size(16)));
 typedef int32_t UV __attribute__((vector_size(32), aligned(4), may_alias));
-extern "C" void touch(const float *rows, float *to, const int32_t *offset, const float *a, const float *b,
-                      const int64_t *start, int64_t slices, int64_t steps) {
+typedef int32_t UH __attribute__((vector_size(16), aligned(4), may_alias));
+extern "C" void touch(const float *rows, float *to, float *sums, const int32_t *offset, const float *a,
+                      const float *b, const int64_t *start, int64_t slices, int64_t steps) {
   V bits[5] = {};
+  H one = {};
   for (int64_t step = 0; step < steps; ++step)
     for (int64_t slice = 0; slice < slices; ++slice) {
       for (int64_t slot = start[slice]; slot < start[slice + 1]; ++slot) {
         const int32_t *at = offset + 8 * slot;
         for (int i = 0; i < 4; ++i) bits[i] ^= *(const UV *)(rows + at[i]) ^ *(const UV *)(rows + at[i + 4]);
         bits[4] ^= *(const UV *)(a + 8 * slot) ^ *(const UV *)(b + 8 * slot);
+        for (int i = 0; i < 8; ++i) *(UH *)(sums + at[i] / 2) ^= one;
       }
+      for (int i = 0; i < 4; ++i) *(UV *)(sums + 32 * slice + 8 * i) ^= bits[i];
       for (int i = 0; i < 8; ++i) *(UV *)(to + 64 * slice + 8 * i) = bits[i % 5];
     }
 }
@@ -227,18 +232,17 @@ def limit_table(repeats: int, clock: Callable[[], float]) -> None:
     for points, springs in SIZES:
         simulator = scene(points, springs)
         layout = lay_out(simulator.system.edges)
-        slots, rows = layout.springs, torch.zeros(2, slot_rows(layout), 8)
-        values = torch.ones(2, len(slots.offset))
-        addresses = [
-            t.data_ptr() for t in (rows[0], rows[1], slots.offset, values[0], values[1], slots.start)
-        ]
+        slots, rows = layout.springs, torch.zeros(2, state_rows(layout), 8)
+        values, sums = torch.ones(2, len(slots.offset)), torch.zeros(len(rows[0]), 4)
+        read = (rows[0], rows[1], sums, slots.offset, values[0], values[1], slots.start)
+        addresses = [each.data_ptr() for each in read]
 
         def touch(addresses: list[int] = addresses, slices: int = layout.slices) -> None:
             library.touch(*map(ctypes.c_void_p, addresses), ctypes.c_int64(slices), ctypes.c_int64(100))
 
         seconds = in_turns({"touch": touch, "kernel": kernel_run(simulator, 100, DT, False)}, repeats, clock)
         micro = {name: 1e4 * value for name, value in seconds.items()}
-        moved = len(slots.offset) * (4 + 4 + 4 + 32) + rows[0].numel() * 4
+        moved = len(slots.offset) * (4 + 4 + 4 + 32 + 2 * 16) + (rows[0].numel() + 2 * sums.numel()) * 4
         print(
             f"| {points} / {springs} | {np.median(micro['touch']):.0f} "
             f"| {moved / np.median(micro['touch']) / 1e3:.0f} | {np.median(micro['kernel']):.0f} "

@@ -7,27 +7,26 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from model.simulator.kernel.layout import LANES, Incidence, Layout
+from model.simulator.kernel.layout import LANES, Incidence, Layout, Pieces
 
-SPARSE = 2000
-"""Slot rows below which a second thread costs more than it saves."""
 _P, _L, _D = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 
 class Frame(ctypes.Structure):
-    """Mirrors `Frame` in engine.cpp, which says what each field is."""
+    """Mirrors `Frame` in engine/frame.cpp, which says what each field is."""
 
     _fields_ = (
         *((name, _L) for name in ("slices", "controllers", "count", "first", "steps", "ring", "keep")),
         ("dt", _D),
         ("interval", _D),
-        *((name, _P) for name in ("partition", "spring_start", "controller_start")),
+        ("pieces", _L),
+        *((name, _P) for name in ("piece_start", "reach", "origin", "spring_start", "controller_start")),
         *((name, _P) for name in ("spring_offset", "controller_offset")),
         ("spring_rows", _L),
         ("controller_rows", _L),
         *((name, _P) for name in ("groups", "corner_row", "corners", "incidence_start", "incidence_offset")),
         *((name, _P) for name in ("corner_forces", "corner_adjoints")),
-        *((name, _P) for name in ("rows", "before", "after")),
+        *((name, _P) for name in ("rows", "sums", "before", "after")),
         *((name, _P) for name in ("inverse_mass", "factor", "restitution", "friction", "height", "gravity")),
         *((name, _P) for name in ("edge", "scene", "memory", "adjoint")),
         ("pulls", _P * 2),
@@ -54,11 +53,14 @@ class Graphs:
     """What is joined to what."""
 
     layout: Layout
+    pieces: Pieces
     incidence: Incidence | None
 
     def fill(self, frame: Frame, alive: list[object]) -> None:
         """Write it into a frame; `alive` keeps what the pointers lead to."""
-        layout, incidence = self.layout, self.incidence
+        layout, pieces, incidence = self.layout, self.pieces, self.incidence
+        frame.pieces, frame.piece_start = len(pieces.origin), pieces.start.data_ptr()
+        frame.reach, frame.origin = pieces.reach.data_ptr(), pieces.origin.data_ptr()
         frame.slices, frame.controllers = layout.slices, layout.controllers
         for kind, slots in (("spring", layout.springs), ("controller", layout.held)):
             setattr(frame, f"{kind}_start", slots.start.data_ptr())
@@ -104,16 +106,12 @@ def call(
         whole: `first`, `steps`, `ring` and `keep`.
         batch: Elements.
     """
-    layout = graph.layout
-    slots = layout.springs.rows + layout.held.rows
-    threads = min(torch.get_num_threads(), batch if batch > 1 else max(1, slots // SPARSE))
-    partition = layout.partition(threads if batch == 1 else 1)
+    threads = min(torch.get_num_threads(), batch if batch > 1 else len(graph.pieces.origin))
     frames = (Frame * batch)()
-    alive: list[object] = [partition]
+    alive: list[object] = []
     first = frames[0]
     graph.fill(first, alive)
     first.dt, first.count, first.interval = interval.dt, interval.count, interval.seconds
-    first.partition = partition.data_ptr()
     for name, value in whole.items():
         setattr(first, name, value)
     for frame in frames[1:]:
@@ -135,9 +133,14 @@ def call(
     getattr(library, direction)(frames, ctypes.c_int(batch), ctypes.c_int(threads))
 
 
-def slot_rows(layout: Layout) -> int:
+def state_rows(layout: Layout) -> int:
     """Rows of a state: points, then controllers."""
-    return layout.slices * LANES + layout.controllers
+    return point_rows(layout) + layout.controllers
+
+
+def point_rows(layout: Layout) -> int:
+    """Rows of points, those that only fill the last slice up included."""
+    return layout.slices * LANES
 
 
 def _addresses(tensor: Tensor | None, batch: int) -> Sequence[int | None]:

@@ -13,7 +13,9 @@ from model.simulator.kernel.text import Statements
 
 TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t")}
 """The number a kernel computes with, and the whole number of its size."""
-ENGINE = Path(__file__).with_name("engine.cpp")
+ENGINE = Path(__file__).with_name("engine")
+BEFORE, AFTER = ("vectors", "rows", "frame", "edges"), ("stencils", "team", "forward", "backward")
+"""Files of the engine before and after the traced laws."""
 
 
 def kernel_source(
@@ -49,7 +51,8 @@ def kernel_source(
         laws.append(text)
     calls = " ".join(f"{{ Stencil{index} law(f); go(law, {index}); }}" for index in range(len(corners)))
     laws.append(f"template <class Do> INLINE void each_stencil(const Frame &f, Do go) {{ {calls} }}\n")
-    return "\n".join(head) + ENGINE.read_text().replace("// THE LAWS", "\n".join(laws))
+    before, after = ([(ENGINE / f"{name}.cpp").read_text() for name in names] for names in (BEFORE, AFTER))
+    return "\n".join([*head, *before, *laws, *after])
 
 
 @dataclass
@@ -147,7 +150,7 @@ def _corners(name: str, corners: Corners, before: tuple[int, int, int]) -> tuple
     back = Statements([*corners.forces, *corners.places, *corners.constants], symbols)
     forces, bars = _assigned("force", corners.forces, 3), _assigned("bar", corners.places, 6)
     constants = [sink.format(back.name(bar)) for sink, bar in zip(sinks, corners.constants, strict=True)]
-    acts, arguments = "V force[][3]", "int64_t slot, const V x[][6]"
+    acts, arguments = "V force[][3]", "int64_t slot, const V x[][8]"
     lines = [
         f"struct {name} {{",
         f"  enum {{ SIZE = {corners.size} }};",
@@ -156,7 +159,7 @@ def _corners(name: str, corners: Corners, before: tuple[int, int, int]) -> tuple
         f"  LAW void forces({arguments}, {acts}) const {{",
         *(f"    {line}" for line in [*ahead.lines, *(f.format(ahead.name(e)) for f, e in forces)]),
         "  }",
-        f"  LAW void pull_back({arguments}, const V pulled[][3], {acts}, V bar[][6]) const {{",
+        f"  LAW void pull_back({arguments}, const V pulled[][4], {acts}, V bar[][6]) const {{",
         *(f"    {line}" for line in back.lines),
         *(f"    {f.format(back.name(e))}" for f, e in [*forces, *bars]),
         *(f"    {line}" for line in constants),

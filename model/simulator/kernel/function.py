@@ -8,16 +8,18 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
+from model.simulator.kernel.call import Buffers, Interval, call, point_rows
 from model.simulator.kernel.groups import Acts
 from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.program import (
+    HALF,
     History,
     Program,
     Stretch,
     corner_rows,
     first_rows,
     histories,
+    piece_rows,
     record,
     skip,
     storable,
@@ -73,7 +75,7 @@ class FrameFunction(torch.autograd.Function):
             end, memories = ended.rows, list(ended.memories)
         state = end.index_select(1, program.layout.row)
         after = [
-            memory.index_select(1, program.slots(kind).places[0])
+            memory.index_select(1, program.slots(kind).place)
             for memory, kind in zip(memories, program.memories, strict=True)
         ]
         return (state[..., :3].contiguous(), state[..., 3:6].contiguous(), *after)
@@ -123,15 +125,14 @@ class Adjoint:
         program, layout, like = task.program, task.program.layout, start.rows
         self._batch = len(start.rows)
         self._sizes = [len(NAMED), len(program.edges), len(program.scenes), len(program.memories)]
-        rows = like.new_zeros(self._batch, layout.slices * LANES, 6)
-        rows[:, layout.row] = torch.cat([bars[0], bars[1]], -1)
-        self._state = rows.reshape(self._batch, layout.slices, LANES, 6).transpose(2, 3).contiguous()
-        self._pulls = like.new_zeros(2, self._batch, slot_rows(layout), LANES)
+        self._state = like.new_zeros(self._batch, point_rows(layout), LANES)
+        self._state[:, layout.row, :6] = torch.cat([bars[0], bars[1]], -1)
+        self._pulls = like.new_zeros(2, self._batch, point_rows(layout), HALF)
         self._memories = [like.new_zeros(memory.shape) for memory in start.memories]
         for memory, bar, kind in zip(self._memories, bars[2:], program.memories, strict=True):
-            memory[:, program.slots(kind).places] = bar.unsqueeze(1)
+            memory[:, program.slots(kind).place] = bar
         make: Callable[..., Tensor] = like.new_zeros
-        points = (self._batch, layout.slices * LANES)
+        points = (self._batch, point_rows(layout))
         self._points = {
             name: make(points) if self._wants(name) else None for name in NAMED[NAMED.index("inverse_mass") :]
         }
@@ -159,7 +160,9 @@ class Adjoint:
         single |= {"rows": history.rows, "adjoint": self._state, "pulls": self._pulls}
         single |= {} if self._gravity is None else {"gravity_gradient": self._gravity}
         single |= {} if self._held is None else {"held_gradient": self._held}
-        single |= corner_rows(self._task.program, history.rows, "corner_forces", "corner_adjoints")
+        program = self._task.program
+        single |= {"sums": piece_rows(program, history.rows, LANES)}
+        single |= corner_rows(program, history.rows, corner_adjoints=LANES)
         buffers = Buffers(
             {**self._values.single, **single},
             {
@@ -171,19 +174,17 @@ class Adjoint:
             },
         )
         whole = {"first": history.first, "steps": history.steps, "ring": history.steps + 1, "keep": 1}
-        program = self._task.program
-        graph = Graphs(program.layout, program.incidence)
-        call(program.library, "backward", graph, self._task.interval, buffers, whole, self._batch)
+        call(program.library, "backward", program.graphs, self._task.interval, buffers, whole, self._batch)
 
     def gradients(self) -> list[Tensor | None]:
         """Of every input, in order; None where none is wanted."""
         program, layout = self._task.program, self._task.program.layout
-        state = self._state.transpose(2, 3).reshape(self._batch, -1, 6).index_select(1, layout.row)
+        state = self._state.index_select(1, layout.row)
         before, after = self._controllers()
         gravity = None if self._gravity is None else self._gravity.sum((1, 3))
         points = [None if g is None else g.index_select(1, layout.row) for g in self._points.values()]
         edges = [
-            None if g is None else g.index_select(1, program.slots(kind).places[0])
+            None if g is None else g.index_select(1, program.slots(kind).place)
             for g, kind in zip(self._edges, program.edges, strict=True)
         ]
         scenes = [
@@ -191,24 +192,23 @@ class Adjoint:
             for g, kind in zip(self._scenes, program.scenes, strict=True)
         ]
         memories = [
-            g.index_select(1, program.slots(kind).places[0])
+            g.index_select(1, program.slots(kind).place)
             for g, kind in zip(self._memories, program.memories, strict=True)
         ]
-        return [state[..., :3], state[..., 3:], before, after, gravity, *points, *edges, *scenes, *memories]
+        return [state[..., :3], state[..., 3:6], before, after, gravity, *points, *edges, *scenes, *memories]
 
     def _total(self, gradient: Tensor, kind: Acts) -> Tensor:
         """Of a constant of the scene, from its shares per point or per stencil."""
-        places = self._task.program.slots(kind).places
         if isinstance(kind, int):
-            return gradient.index_select(1, places[0]).sum(1, keepdim=True)
-        return gradient.sum(1, keepdim=True) / len(places)  # a spring is seen from both of its ends
+            gradient = gradient.index_select(1, self._task.program.slots(kind).place)
+        return gradient.sum(1, keepdim=True)
 
     def _controllers(self) -> tuple[Tensor | None, Tensor | None]:
         """Of where the controllers are at both ends of the frame [B, C, 3]."""
         layout = self._task.program.layout
         if self._held is None:
             return None, None
-        each = self._held.index_select(2, layout.held.places[0])
+        each = self._held.index_select(2, layout.held.place)
         total = each.new_zeros(self._batch, 6, layout.controllers).index_add_(2, layout.controller, each)
         total = total.transpose(1, 2)
         return total[..., :3], total[..., 3:]

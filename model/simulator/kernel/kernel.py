@@ -12,7 +12,7 @@ from model.simulator.kernel.build import CannotBuild, load
 from model.simulator.kernel.call import Buffers, Interval
 from model.simulator.kernel.emit import TYPES, kernel_source
 from model.simulator.kernel.function import NAMED, FrameFunction, Task
-from model.simulator.kernel.layout import lay_out, lay_out_stencils
+from model.simulator.kernel.layout import cut, lay_out, lay_out_stencils
 from model.simulator.kernel.program import Program
 from model.simulator.kernel.slopes import Slopes
 from model.simulator.kernel.terms import Inexpressible, Terms
@@ -45,6 +45,7 @@ class Kernel:
         self._program = Program(
             library,
             lay_out(edges),
+            cut(edges),
             lay_out_stencils(edges, terms.stencils) if terms.stencils else None,
             terms.edge_acts,
             terms.scene_acts,

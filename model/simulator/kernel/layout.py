@@ -2,26 +2,27 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
+from math import isqrt
 
 import numpy as np
 import torch
 from jaxtyping import Int, Int32
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 from torch import Tensor
 
 from model.simulator.edges import Edges
 from model.simulator.forces.stencil import StencilForce
+from model.simulator.kernel.arrange import near, owners
 
 LANES = 8
 """Points in a slice; numbers in a row."""
-WINDOW = 256
-"""Rows among which points are sorted by their number of springs: slices fill up, neighbours stay near."""
+PIECE = 650
+"""A graph of n² times as many slot rows has n pieces: of more pieces, more points would lie in several."""
 
 
 @dataclass(frozen=True)
 class Slots:
-    """Where each point's edges of one kind are; a slice's slots come in rows of one per lane."""
+    """Where edges of one kind are, each at one of its points; slots come in rows of one per lane."""
 
     start: Int[Tensor, " s"]
     """First slot row of each slice, and the number of all."""
@@ -29,8 +30,8 @@ class Slots:
     """Where the row of a slot's other end begins; for stencils, those of all corners."""
     edge: Int[Tensor, " k"]
     """Which edge of its kind a slot is; 0 for those that only fill a slice up."""
-    places: Int[Tensor, "ends e"]
-    """The slot of each edge at each end that is a point."""
+    place: Int[Tensor, " e"]
+    """The slot of each edge."""
 
     @property
     def rows(self) -> int:
@@ -54,29 +55,34 @@ class Layout:
     held: Slots
     """Slots of controller springs, at their points."""
 
-    def partition(self, threads: int) -> Int[Tensor, " t"]:
-        """The first slice of each thread, so that all have about as many slots."""
-        work = (self.springs.start[1:] + self.held.start[1:]).numpy() + np.arange(1, self.slices + 1)
-        goals = work[-1] * np.arange(threads) / threads
-        return torch.from_numpy(np.searchsorted(work, goals, side="right").astype(np.int64))
+
+@dataclass(frozen=True)
+class Pieces:
+    """Shares of the slices, of about equally many slots, for threads to take."""
+
+    start: Int[Tensor, " p"]
+    """First slice of each, and the number of all."""
+    reach: Int[Tensor, "pieces 2"]
+    """From which slice to before which one the points lie that are joined to those of a piece."""
+    origin: Int[Tensor, " pieces"]
+    """Where the piece's own sums for those slices would begin if they began with slice 0, in slices."""
+    room: int
+    """Slices that have room in the sums of all pieces."""
 
 
 @lru_cache(maxsize=16)
 def lay_out(edges: Edges) -> Layout:
-    """Order the points by reverse Cuthill–McKee, then by degree within windows.
-
-    Reference:
-        Kreutzer et al. (2014), A unified sparse matrix data format for efficient general sparse matrix-vector
-        multiplication on modern processors with wide SIMD units, SIAM J. Sci. Comput. 36 (SELL-C-σ).
-    """
+    """Order the points so that neighbours are near, and give every edge its slot."""
     first, second = edges.first.cpu().numpy(), edges.second.cpu().numpy()
     count, springs = edges.point_count, edges.spring_count
-    own = np.concatenate([first[:springs], second[:springs]])
-    other = np.concatenate([second[:springs], first[:springs]])
-    row = _order(own, other, np.bincount(np.concatenate([own, first[springs:]]), minlength=count))
+    pairs = np.stack([first[:springs], second[:springs]])
+    order = near(pairs, count)
+    row = np.empty(count, np.int64)
+    row[order] = np.arange(count)
     slices = -(-count // LANES)
     point = np.zeros(slices * LANES, np.int64)
     point[row] = np.arange(count)
+    owner, ends = owners(row[pairs], count), np.arange(springs)
     controller = second[springs:] - count
     return Layout(
         slices,
@@ -84,8 +90,29 @@ def lay_out(edges: Edges) -> Layout:
         torch.from_numpy(row),
         torch.from_numpy(point),
         torch.from_numpy(controller),
-        _slots(row[own], row[other], 2, slices),
-        _slots(row[first[springs:]], controller + slices * LANES, 1, slices),
+        _slots(row[pairs[owner, ends]], row[pairs[1 - owner, ends]], slices),
+        _slots(row[first[springs:]], controller + slices * LANES, slices),
+    )
+
+
+@lru_cache(maxsize=16)
+def cut(edges: Edges) -> Pieces:
+    """Cut the slices in pieces. How many does not depend on the machine, so sums do not either."""
+    layout = lay_out(edges)
+    springs = layout.springs
+    count = max(1, isqrt(springs.rows // PIECE))
+    work = (springs.start[1:] + layout.held.start[1:]).numpy() + np.arange(1, layout.slices + 1)
+    start = np.searchsorted(work, work[-1] * np.arange(count + 1) / count).astype(np.int64)
+    start[0], start[-1] = 0, layout.slices
+    seen = springs.offset.numpy().reshape(-1, LANES) // (LANES * LANES)
+    reach = np.empty((count, 2), np.int64)
+    for piece, (begin, end) in enumerate(pairwise(start)):
+        there = seen[springs.start[begin] : springs.start[end]]
+        reach[piece] = min(begin, there.min(initial=begin)), max(end, there.max(initial=begin) + 1)
+    sizes = reach[:, 1] - reach[:, 0]
+    origin = np.cumsum(sizes) - sizes - reach[:, 0]
+    return Pieces(
+        torch.from_numpy(start), torch.from_numpy(reach), torch.from_numpy(origin), int(sizes.sum())
     )
 
 
@@ -120,7 +147,7 @@ def lay_out_stencils(edges: Edges, forces: tuple[StencilForce, ...]) -> Incidenc
                 torch.arange(0, groups + 1),
                 torch.from_numpy(np.ascontiguousarray(offset, np.int32)),
                 torch.from_numpy(of),
-                torch.arange(count).unsqueeze(0),
+                torch.arange(count),
             )
         )
         each, corner = np.divmod(np.arange(count * size), size)
@@ -128,23 +155,12 @@ def lay_out_stencils(edges: Edges, forces: tuple[StencilForce, ...]) -> Incidenc
         other.append(begin + (each // LANES * size + corner) * LANES + each % LANES)
         begins.append(begin)
         begin += groups * size * LANES
-    points = _slots(np.concatenate(own), np.concatenate(other), 1, layout.slices, filler=begin)
+    points = _slots(np.concatenate(own), np.concatenate(other), layout.slices, filler=begin)
     return Incidence(tuple(laws), torch.tensor(begins), begin + 1, points)
 
 
-def _order(own: np.ndarray, other: np.ndarray, degree: np.ndarray) -> np.ndarray:
-    """The row of each point."""
-    count = len(degree)
-    graph = coo_matrix((np.ones(len(own)), (own, other)), shape=(count, count)).tocsr()
-    order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
-    order = order[np.lexsort((-degree[order], np.arange(count) // WINDOW))]
-    row = np.empty(count, np.int64)
-    row[order] = np.arange(count)
-    return row
-
-
-def _slots(own: np.ndarray, other: np.ndarray, ends: int, slices: int, filler: int | None = None) -> Slots:
-    """Slots from the rows of both ends of each, the edges in order, once for each of their `ends`.
+def _slots(own: np.ndarray, other: np.ndarray, slices: int, filler: int | None = None) -> Slots:
+    """Slots from the rows of both ends of each edge, at its `own`.
 
     Slots that only fill a slice up lead to the row `filler`, or from a point to itself.
     """
@@ -159,10 +175,10 @@ def _slots(own: np.ndarray, other: np.ndarray, ends: int, slices: int, filler: i
     offset, of = lanes.reshape(-1).astype(np.int64), np.zeros(lanes.size, np.int64)
     if filler is not None:
         offset[:] = filler
-    offset[place], of[place] = other, np.tile(np.arange(len(own) // ends), ends)
+    offset[place], of[place] = other, np.arange(len(own))
     return Slots(
         torch.from_numpy(start.astype(np.int64)),
         torch.from_numpy((offset * LANES).astype(np.int32)),
         torch.from_numpy(of),
-        torch.from_numpy(place.reshape(ends, -1)),
+        torch.from_numpy(place),
     )

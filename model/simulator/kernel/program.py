@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
+from model.simulator.kernel.call import Buffers, Graphs, Interval, call, state_rows
 from model.simulator.kernel.groups import Acts, Kind
-from model.simulator.kernel.layout import LANES, Incidence, Layout, Slots
+from model.simulator.kernel.layout import LANES, Incidence, Layout, Pieces, Slots
 
+HALF = LANES // 2
+"""Numbers in the row of a force."""
 STORAGE = 192 * 2**20
 """Bytes of states that the adjoint of a frame may hold at once; longer frames are run again in pieces."""
 
@@ -20,6 +22,7 @@ class Program:
 
     library: ctypes.CDLL
     layout: Layout
+    pieces: Pieces
     incidence: Incidence | None
     """Of the stencils, where there are any."""
     edges: tuple[Acts, ...]
@@ -35,6 +38,11 @@ class Program:
             assert self.incidence is not None
             return self.incidence.laws[kind]
         return self.layout.springs if kind == "springs" else self.layout.held
+
+    @property
+    def graphs(self) -> Graphs:
+        """What is joined to what."""
+        return Graphs(self.layout, self.pieces, self.incidence)
 
     def spread(self, values: Tensor, kind: Acts) -> Tensor:
         """One value per slot from one per edge or stencil, [B, e]."""
@@ -67,7 +75,7 @@ class History:
 
 def first_rows(program: Program, positions: Tensor, velocities: Tensor) -> Tensor:
     """The rows of a state [B, N, 3]; those of controllers are the kernel's to fill."""
-    rows = positions.new_zeros(len(positions), slot_rows(program.layout), LANES)
+    rows = positions.new_zeros(len(positions), state_rows(program.layout), LANES)
     points = program.layout.point
     rows[:, : len(points), :3] = positions.index_select(1, points)
     rows[:, : len(points), 3:6] = velocities.index_select(1, points)
@@ -94,7 +102,7 @@ def skip(program: Program, interval: Interval, values: Buffers, start: Stretch) 
 
 def storable(program: Program, batch: int, like: Tensor) -> int:
     """How many substeps fit into `STORAGE`."""
-    numbers = LANES * slot_rows(program.layout)
+    numbers = LANES * state_rows(program.layout)
     numbers += sum(LANES * program.slots(kind).rows for kind in program.memories)
     return max(1, STORAGE // (numbers * batch * like.element_size()) - 1)
 
@@ -132,7 +140,12 @@ def _forward(
 ) -> None:
     nothing = [None] * len(program.edges), [None] * len(program.scenes)
     buffers = Buffers(
-        {**values.single, "rows": rows, **corner_rows(program, rows, "corner_forces")},
+        {
+            **values.single,
+            "rows": rows,
+            "sums": piece_rows(program, rows, HALF),
+            **corner_rows(program, rows, corner_forces=HALF),
+        },
         {
             **values.lists,
             "memory": memories,
@@ -141,12 +154,16 @@ def _forward(
             "scene_gradient": nothing[1],
         },
     )
-    graph = Graphs(program.layout, program.incidence)
-    call(program.library, "forward", graph, interval, buffers, whole, len(rows))
+    call(program.library, "forward", program.graphs, interval, buffers, whole, len(rows))
 
 
-def corner_rows(program: Program, like: Tensor, *names: str) -> dict[str, Tensor]:
-    """Room for what the corners of stencils hand to their points."""
+def piece_rows(program: Program, like: Tensor, width: int) -> Tensor:
+    """Room for what the springs of each piece add at the points that they join."""
+    return like.new_zeros(len(like), program.pieces.room * LANES, width)
+
+
+def corner_rows(program: Program, like: Tensor, **widths: int) -> dict[str, Tensor]:
+    """Room for what the corners of stencils hand to their points, of so many numbers each."""
     if program.incidence is None:
         return {}
-    return {name: like.new_zeros(len(like), program.incidence.rows, LANES) for name in names}
+    return {name: like.new_zeros(len(like), program.incidence.rows, width) for name, width in widths.items()}

@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from model.simulator.kernel.call import Buffers, Graphs, Interval, call, slot_rows
+from model.simulator.kernel.call import Buffers, Interval, call, point_rows, state_rows
 from model.simulator.kernel.layout import LANES
-from model.simulator.kernel.program import Program, corner_rows, first_rows
+from model.simulator.kernel.program import HALF, Program, corner_rows, first_rows, piece_rows
 from model.simulator.system import Anchors, State
 
 UNIT = Interval(dt=1.0, count=1, seconds=1.0)
@@ -28,16 +28,17 @@ class Slopes:
     def __init__(self, program: Program, values: Buffers, state: State, anchors: Anchors | None) -> None:
         """See the class."""
         self._program = program
-        count, points = len(state.positions), program.layout.slices * LANES
-        rows = state.positions.new_zeros(count, 2, slot_rows(program.layout), LANES)
+        count, points = len(state.positions), point_rows(program.layout)
+        rows = state.positions.new_zeros(count, 2, state_rows(program.layout), LANES)
         rows[:, 0] = first_rows(program, state.positions.detach(), state.velocities.detach())
         if anchors is not None:
             rows[:, 0, points:, :3] = anchors.positions.detach()
             rows[:, 0, points:, 3:6] = anchors.velocities.detach()
-        self._adjoint = rows.new_zeros(count, program.layout.slices, 6, LANES)
+        self._adjoint = rows.new_zeros(count, points, LANES)
         single = {**values.single, "factor": rows.new_ones(1, points), "rows": rows, "adjoint": self._adjoint}
-        single["pulls"] = rows.new_zeros(2, count, slot_rows(program.layout), LANES)
-        single |= corner_rows(program, rows[:, 0], "corner_forces", "corner_adjoints")
+        single["pulls"] = rows.new_zeros(2, count, points, HALF)
+        single["sums"] = piece_rows(program, rows, LANES)
+        single |= corner_rows(program, rows[:, 0], corner_adjoints=LANES)
         lists: dict[str, Sequence[Tensor | None]] = {"memory": (), "memory_adjoint": ()}
         lists |= {
             "edge_gradient": [None] * len(program.edges),
@@ -50,12 +51,10 @@ class Slopes:
     ) -> tuple[Float[Tensor, "*b N 3"], Float[Tensor, "*b N 3"]]:
         """(∂a/∂x)ᵀu and (∂a/∂v)ᵀu of u = `vector`, with a the accelerations [m/s²]."""
         layout, count = self._program.layout, len(self._adjoint)
-        rows = vector.new_zeros(count, layout.slices * LANES, 6)
-        rows[:, layout.row, 3:] = vector.reshape(count, -1, 3)
-        self._adjoint.copy_(rows.reshape(count, layout.slices, LANES, 6).transpose(2, 3))
+        self._adjoint.zero_()
+        self._adjoint[:, layout.row, 3:6] = vector.reshape(count, -1, 3)
         whole = {"first": 0, "steps": 1, "ring": 2, "keep": 1}
-        graph = Graphs(layout, self._program.incidence)
-        call(self._program.library, "backward", graph, UNIT, self._buffers, whole, count)
-        back = self._adjoint.transpose(2, 3).reshape(count, -1, 6).index_select(1, layout.row)
-        by_place, by_velocity = back[..., :3].reshape(vector.shape), back[..., 3:].reshape(vector.shape)
+        call(self._program.library, "backward", self._program.graphs, UNIT, self._buffers, whole, count)
+        back = self._adjoint.index_select(1, layout.row)
+        by_place, by_velocity = back[..., :3].reshape(vector.shape), back[..., 3:6].reshape(vector.shape)
         return by_place, torch.sub(by_velocity, vector)

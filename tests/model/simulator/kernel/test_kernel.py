@@ -19,7 +19,7 @@ from model.simulator.forces.spring import Spring
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
 from model.simulator.forces.volume import Volume
-from model.simulator.kernel import build, program
+from model.simulator.kernel import build, layout, program
 from model.simulator.kernel.cuda import program as cuda_program
 from model.simulator.parameters import Constant
 from model.simulator.system import State
@@ -263,7 +263,7 @@ def test_groups_of_points_are_as_exact_in_single_precision_as_the_oracle(stencil
 
 def test_threads_change_nothing(stenciled, monkeypatch):
     made = stenciled()
-    monkeypatch.setattr("model.simulator.kernel.call.SPARSE", 1)
+    monkeypatch.setattr(layout, "PIECE", 4)
     results = []
     before = torch.get_num_threads()
     for threads in (1, 2, 3):

@@ -1,11 +1,15 @@
 """Every edge has its slots, and every thread its share."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
 
 from model.simulator.edges import Edges
-from model.simulator.kernel.layout import LANES, lay_out
+from model.simulator.kernel import layout as layout_module
+from model.simulator.kernel.arrange import owners
+from model.simulator.kernel.layout import LANES, cut, lay_out
 
 
 @pytest.fixture
@@ -16,35 +20,38 @@ def edges(rng):
     return Edges(torch.cat([springs, springs[:1]]), torch.tensor([[0, 3], [1, 3], [1, 90]]), 101, 2)
 
 
-def test_each_spring_is_seen_from_both_of_its_ends(edges):
+def test_each_edge_has_a_slot_at_one_of_its_points(edges):
     layout = lay_out(edges)
-    row = layout.row.numpy()
-    for kind, ends in ((layout.springs, 2), (layout.held, 1)):
-        places = kind.places.numpy()
-        assert places.shape[0] == ends
-        assert len(np.unique(places)) == places.size
-        slice_of = np.searchsorted(kind.start.numpy(), places // LANES, side="right") - 1
-        own = slice_of * LANES + places % LANES
-        other = kind.offset.numpy()[places] // LANES
-        first = row[edges.first.numpy()][: edges.spring_count]
-        second = row[edges.second.numpy()[: edges.spring_count]]
-        if ends == 1:
-            first = row[edges.first.numpy()[edges.spring_count :]]
-            second = edges.second.numpy()[edges.spring_count :] - 101 + layout.slices * LANES
-        np.testing.assert_array_equal(own[0], first)
-        np.testing.assert_array_equal(other[0], second)
-        if ends == 2:
-            np.testing.assert_array_equal(own[1], second)
-            np.testing.assert_array_equal(other[1], first)
-        np.testing.assert_array_equal(
-            kind.edge.numpy()[places], np.tile(np.arange(places.shape[1]), (ends, 1))
-        )
+    row, springs = layout.row.numpy(), edges.spring_count
+    hands = edges.second.numpy()[springs:] - 101 + layout.slices * LANES
+    ends = {
+        "springs": np.stack([row[edges.first.numpy()[:springs]], row[edges.second.numpy()[:springs]]]),
+        "held": np.stack([row[edges.first.numpy()[springs:]], hands]),
+    }
+    for kind, expected in ends.items():
+        slots = getattr(layout, kind)
+        place = slots.place.numpy()
+        assert len(np.unique(place)) == len(place)
+        slice_of = np.searchsorted(slots.start.numpy(), place // LANES, side="right") - 1
+        own, other = slice_of * LANES + place % LANES, slots.offset.numpy()[place] // LANES
+        np.testing.assert_array_equal(np.sort([own, other], 0), np.sort(expected, 0))
+        np.testing.assert_array_equal(slots.edge.numpy()[place], np.arange(len(place)))
+        if kind == "held":
+            np.testing.assert_array_equal(own, expected[0])
+
+
+def test_neighbours_have_about_equally_many_slots(rng):
+    pairs = np.sort(rng.integers(0, 40, (2000, 2)), 1)
+    pairs = np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0).T
+    owned = np.bincount(pairs[owners(pairs, 40), np.arange(pairs.shape[1])], minlength=40)
+    assert owned.sum() == pairs.shape[1]
+    assert owned.max() - owned.min() <= 3
 
 
 def test_slots_that_only_fill_up_lead_from_a_point_to_itself(edges):
     layout = lay_out(edges)
     slots = layout.springs
-    filling = np.setdiff1d(np.arange(len(slots.offset)), slots.places.numpy())
+    filling = np.setdiff1d(np.arange(len(slots.offset)), slots.place.numpy())
     slice_of = np.searchsorted(slots.start.numpy(), filling // LANES, side="right") - 1
     np.testing.assert_array_equal(slots.offset.numpy()[filling] // LANES, slice_of * LANES + filling % LANES)
 
@@ -55,16 +62,22 @@ def test_rows_are_a_permutation_of_the_points(edges):
     assert layout.point[layout.row].tolist() == list(range(101))
 
 
-def test_threads_have_about_equal_shares(rng):
-    edges = Edges(
-        torch.from_numpy(np.stack([np.arange(999), np.arange(1, 1000)], 1)), torch.zeros(0, 2).long(), 1000, 0
-    )
-    layout = lay_out(edges)
-    bounds = [*layout.partition(4).tolist(), layout.slices]
-    work = np.diff(layout.springs.start.numpy()[bounds])
-    assert bounds[0] == 0
-    assert work.sum() == layout.springs.rows
-    assert work.max() < 1.1 * work.min()
+def test_pieces_are_about_equal_and_have_room_for_all_that_they_join(edges, monkeypatch):
+    monkeypatch.setattr(layout_module, "PIECE", 5)
+    layout, pieces = lay_out(edges), cut.__wrapped__(edges)
+    start, reach = pieces.start.tolist(), pieces.reach.tolist()
+    work = np.diff(layout.springs.start.numpy()[start])
+    assert len(work) > 2
+    assert (start[0], start[-1]) == (0, layout.slices)
+    assert work.max() < 2 * work.min()
+    used = []
+    for (begin, end), (low, high), origin in zip(pairwise(start), reach, pieces.origin.tolist(), strict=True):
+        rows = slice(int(layout.springs.start[begin]) * LANES, int(layout.springs.start[end]) * LANES)
+        seen = layout.springs.offset[rows] // LANES**2
+        assert low <= min(begin, int(seen.min()))
+        assert max(end, int(seen.max()) + 1) <= high
+        used += range(origin + low, origin + high)
+    assert used == list(range(pieces.room))
 
 
 def test_a_graph_is_laid_out_once(edges):

@@ -1,0 +1,71 @@
+// A substep of semi-implicit Euler, and a frame of them.
+
+// What the springs of a piece pull with at both of their ends: minus the force.
+static void pull_springs(const Frame &f, int64_t step, const R *rows, int64_t piece) {
+  const Springs springs(f, step);
+  R *sums = sums_of(f, piece, SHORT);
+  for (int64_t slice = f.piece_start[piece]; slice < f.piece_start[piece + 1]; ++slice) {
+    V me[8], reaction[4] = {splat(0), splat(0), splat(0), splat(0)};
+    gather(rows + ROW * W * slice, NEXT, me);
+    pull<true>(springs, {f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1]}, rows, me, reaction, sums);
+    add_short(sums + SHORT * W * slice, NEXT, reaction);
+  }
+}
+
+// The velocity after contact with the ground, how fast it came near, and the share of the slip that is kept.
+INLINE void ground(const Frame &f, int64_t slice, const V me[8], V out[8]) {
+  const V mu = load(f.friction + W * slice), e = load(f.restitution + W * slice);
+  M meets = (me[2] + R(f.dt) * out[5] < load(f.height + W * slice)) & (out[5] < 0);
+  V approach = meets ? -out[5] : splat(0);
+  V slip = larger(root(out[3] * out[3] + out[4] * out[4]), splat(SLOWEST));
+  V kept = larger(1 - mu * (1 + e) * approach / slip, splat(0));
+  kept = meets ? kept : splat(1);
+  out[3] *= kept;
+  out[4] *= kept;
+  out[5] = meets ? e * approach : out[5];
+  out[6] = approach;
+  out[7] = kept;
+}
+
+static void move(const Frame &f, int64_t step, const R *from, R *to, int64_t begin, int64_t end) {
+  const V dt = splat(R(f.dt)), zero = splat(0);
+  const Controllers controllers(f, step);
+  for (int64_t slice = begin; slice < end; ++slice) {
+    V me[8], reaction[4] = {zero, zero, zero, zero}, out[8];
+    gather(from + ROW * W * slice, NEXT, me);
+    if (SPRINGS) {
+      R pulled[SHORT * W] = {};
+      take_sums<SHORT>(f, slice, pulled);
+      gather_short(pulled, NEXT, reaction);
+    }
+    const int64_t *held = f.controller_start + slice;
+    if (CONTROLLERS)
+      pull<false>(controllers, {f.controller_offset, held[0], held[1]}, from, me, reaction, nullptr);
+    if (STENCILS) collect(f, slice, reaction);
+    const V mobility = load(f.inverse_mass + W * slice), factor = load(f.factor + W * slice);
+    for (int k = 0; k < 3; ++k) out[3 + k] = (me[3 + k] + dt * (f.gravity[k] - reaction[k] * mobility)) * factor;
+    out[6] = out[7] = zero;
+    if (GROUND) ground(f, slice, me, out);
+    for (int k = 0; k < 3; ++k) out[k] = me[k] + dt * out[3 + k];
+    scatter(to + ROW * W * slice, out);
+  }
+  if (begin == 0) place(f, f.first + step + 1, to);
+}
+
+static void advance(const Frame &f, Team &team, int thread) {
+  int64_t phase = 0;
+  for (int64_t step = 0; step < f.steps; ++step) {
+    const R *from = state(f, step % f.ring);
+    R *to = state(f, (step + 1) % f.ring);
+    if (STENCILS)
+      team.share_many(phase++, thread, all_groups(f), [&](int64_t first, int64_t last) { bend(f, from, first, last); });
+    if (SPRINGS) team.share(phase++, thread, f.pieces, [&](int64_t piece) { pull_springs(f, step, from, piece); });
+    team.share(phase++, thread, f.pieces,
+               [&](int64_t piece) { move(f, step, from, to, f.piece_start[piece], f.piece_start[piece + 1]); });
+  }
+}
+
+extern "C" void forward(const Frame *frames, int batch, int threads) {
+  for (int b = 0; b < batch; ++b) place(frames[b], frames[b].first, frames[b].rows);
+  share_out(frames, batch, threads, advance);
+}
