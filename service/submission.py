@@ -18,6 +18,7 @@ from service.errors import ProblemError
 from service.front import Front
 from service.resources import Resource
 from service.settings import MEBIBYTE
+from service.uploads import listen_on
 from worker.record import JobRecord, files_prefix, new_id
 from worker.records import KeyReused, QueueFull, TenantBusy
 
@@ -56,6 +57,13 @@ class Submission:
             ProblemError: the request cannot be taken, or not now.
             RequestValidationError: an option is none, or not as it must be.
         """
+        try:
+            return await self._accept_upload(front, request)
+        except (ProblemError, RequestValidationError):
+            await listen_on(request)
+            raise
+
+    async def _accept_upload(self, front: Front, request: Request) -> JobRecord:
         await run_in_threadpool(self._check_first, front)
         inputs = self.resource.kind.inputs
         largest = front.settings.max_upload_bytes

@@ -229,3 +229,12 @@ def test_a_port_that_is_taken_is_refused(tmp_path):
 )
 def test_a_wrong_setting_is_named_in_one_line(tmp_path, arguments, environment, words):
     assert words in refused("--data-dir", str(tmp_path), "--port", "0", *arguments, **environment)
+
+
+def test_answers_are_not_held_back():
+    from service.main import _listen
+
+    with _listen("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0

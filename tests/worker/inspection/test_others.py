@@ -1,4 +1,4 @@
-"""What is refused is in `tests/service/test_hostile_uploads.py`; here: what is taken, and by which suffix."""
+"""What is refused is in `tests/service/hostile`; here: what is taken, and by which suffix."""
 
 import io
 import json
