@@ -31,6 +31,8 @@ AGAIN: Final = 75
 CRASHED: Final = 1
 TELL_S: Final = 0.5
 """Progress within a stage is told this often at most [s]."""
+OVER: Final = "done"
+"""A stage that is not told: a job is done once its result is published."""
 NEARLY: Final = 99.0
 """Progress until the result is published [%]."""
 
@@ -160,6 +162,8 @@ class Report:
         Raises:
             Fenced: the job is no longer this attempt's.
         """
+        if stage == OVER:
+            return
         fresh = stage != self._stage
         if not fresh and time.monotonic() - self._told < TELL_S:
             return

@@ -68,6 +68,12 @@ class PatientRedis(Redis):
                     raise
             time.sleep(REFUSED_S)
 
+    def client(self) -> "PatientRedis":
+        """One connection of the pool for oneself, until it is closed."""
+        one = PatientRedis(connection_pool=self.connection_pool, single_connection_client=True)
+        one.patience_s = self.patience_s
+        return one
+
 
 def connect(url: str, patience_s: float = PATIENCE_S) -> "Redis":
     """A connection to Redis that rides out an outage; it speaks text.

@@ -10,7 +10,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import cast
 
-import redis.exceptions
 from pydantic import JsonValue
 from redis import Redis
 
@@ -55,7 +54,6 @@ class Records:
         """`redis` as `worker.queues.connect` makes it."""
         self._redis = redis
         self._run = Scripts(redis)
-        self._settles = True
 
     def reserve(self, job_id: str) -> None:
         """Say, before the first byte is stored, that files of this job may come: unclaimed ones are swept."""
@@ -86,7 +84,7 @@ class Records:
             QueueFull, TenantBusy: try later.
         """
         key = hashlib.sha256(idempotency_key.encode()).hexdigest() if idempotency_key else ""
-        happened, job_id = self._run(
+        happened, job_id = self._run.settled(
             "create",
             record.id,
             record.tenant,
@@ -106,7 +104,6 @@ class Records:
                 raise QueueFull(record.queue)
             case "busy":
                 raise TenantBusy(record.tenant)
-        self._settle()
         return self.get(job_id) or record, happened == "created"
 
     def get(self, job_id: str) -> JobRecord | None:
@@ -142,9 +139,8 @@ class Records:
 
     def delete(self, job_id: str) -> None:
         """Forget a job, its children and their files; what runs is stopped. None of it comes back."""
-        for child in self._run("delete", job_id):
+        for child in self._run.settled("delete", job_id):
             self.delete(child)
-        self._settle()
 
     def begin(self, job_id: str, token: str, worker: str) -> int | None:
         """Start an attempt; None: nothing to do (ended, deleted, running elsewhere, or not due yet).
@@ -187,9 +183,10 @@ class Records:
         """
         stage, seconds = ended or ("", 0.0)
         named = json.dumps([file.model_dump() for file in files])
-        answer = self._run("succeed", job_id, attempt, named, json.dumps(dict(metrics)), stage, seconds)
+        answer = self._run.settled(
+            "succeed", job_id, attempt, named, json.dumps(dict(metrics)), stage, seconds
+        )
         self._held(answer)
-        self._settle()
 
     def fail(self, job_id: str, attempt: int, error: JobError) -> None:
         """End the job without a result; trying again would not help.
@@ -262,16 +259,3 @@ class Records:
     def _now(self) -> float:
         seconds, micros = self._redis.time()
         return seconds + micros / 1e6
-
-    def _settle(self) -> None:
-        """Wait until what was written is on disk, where Redis can tell (WAITAOF, 7.2).
-
-        Without it, an append-only file that is synced every second loses nothing when Redis is killed (the
-        kernel has the bytes), and up to a second when the machine loses power.
-        """
-        if not self._settles:
-            return
-        try:
-            self._redis.waitaof(1, 0, 2000)
-        except redis.exceptions.ResponseError:
-            self._settles = False

@@ -4,6 +4,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any, Final
 
+import redis.exceptions
 from redis import Redis
 
 NAMES: Final = (
@@ -20,17 +21,44 @@ NAMES: Final = (
 )
 
 
+SYNC_MS: Final = 5000
+"""How long a disk may take [ms]."""
+
+
 class Scripts:
     """The scripts by name, sent to Redis when it does not know them (yet, or after a restart)."""
 
-    def __init__(self, redis: "Redis") -> None:
+    def __init__(self, client: "Redis") -> None:
         """Nothing is sent before the first call."""
-        self._redis = redis
-        self._scripts = {name: redis.register_script(_text(name)) for name in NAMES}
+        self._redis, self._tells = client, True
+        self._scripts = {name: client.register_script(_text(name)) for name in NAMES}
 
     def __call__(self, name: str, *arguments: str | int | float) -> Any:  # noqa: ANN401 - Lua's answer
         """Run one. A call whose answer got lost is sent again: every script gives the same answer then."""
         return self._scripts[name](args=list(arguments), client=self._redis)
+
+    def settled(self, name: str, *arguments: str | int | float) -> Any:  # noqa: ANN401 - Lua's answer
+        """Run one, and wait until what it wrote is on disk, where Redis can tell (WAITAOF, since 7.2).
+
+        Without that, an append-only file that is synced every second loses nothing when Redis is killed (the
+        kernel has the bytes), and up to a second when the machine loses power.
+
+        Raises:
+            redis.exceptions.TimeoutError: the disk did not take it in time.
+        """
+        if not self._tells:
+            return self(name, *arguments)
+        # WAITAOF is about the writes of its own connection.
+        with self._redis.client() as one:  # type: ignore[no-untyped-call]
+            answer = self._scripts[name](args=list(arguments), client=one)
+            try:
+                synced, _ = one.waitaof(1, 0, SYNC_MS)
+            except redis.exceptions.ResponseError:  # an older Redis, or one that appends to no file
+                self._tells = False
+                return answer
+        if synced < 1:
+            raise redis.exceptions.TimeoutError("the disk of Redis is too slow")
+        return answer
 
 
 @cache
