@@ -79,7 +79,7 @@ def client(service, monkeypatch):
 
 
 @pytest.fixture
-def clip(tmp_path):
+def clip_path(tmp_path):
     path = tmp_path / "clip.mp4"
     path.write_bytes(b"frames" * 1000)
     return path

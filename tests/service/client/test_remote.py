@@ -98,9 +98,9 @@ def test_an_export_is_asked_for_until_it_is_made(twin, service, client, tmp_path
     assert service.asked[-1].url.path == "/twins/a1/exports/ply"
 
 
-def test_further_kinds_of_job_are_started_and_listed(twin, service, clip):
+def test_further_kinds_of_job_are_started_and_listed(twin, service, clip_path):
     service.job(id="d1", kind="diagnosis").then(json={"items": [], "next_cursor": None})
-    assert twin.start("diagnoses", {"observation": clip}).id == "d1"
+    assert twin.start("diagnoses", {"observation": clip_path}).id == "d1"
     assert list(twin.started("diagnoses")) == []
     assert [request.url.path for request in service.asked[1:]] == ["/twins/a1/diagnoses"] * 2
 

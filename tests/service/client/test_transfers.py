@@ -26,33 +26,33 @@ def broken(*pieces):
     return Stream()
 
 
-def test_options_and_files_travel_in_one_form(client, service, clip):
+def test_options_and_files_travel_in_one_form(client, service, clip_path):
     service.then(
         202, json={"id": "a1", "kind": "twin", "status": "queued", "created_at": "2026-11-21T12:00:00Z"}
     )
     request = TwinRequest(size_m=0.25, box=(1, 2, 30, 40))
-    client.submit(clip, request, files={"mask": clip})
+    client.submit(clip_path, request, files={"mask": clip_path})
     body = service.asked[0].content.decode("latin-1")
     parts = re.findall(r'name="(\w+)"(?:; filename="([^"]+)")?', body)
     assert parts == [("box", ""), ("size_m", ""), ("video", "clip.mp4"), ("mask", "clip.mp4")]
     assert "1,2,30,40" in body
-    assert clip.read_bytes().decode() in body
+    assert clip_path.read_bytes().decode() in body
 
 
-def test_an_upload_that_fails_is_sent_again_whole_with_the_same_key(client, service, clip):
+def test_an_upload_that_fails_is_sent_again_whole_with_the_same_key(client, service, clip_path):
     service.breaks().then(503, json={}).job()
-    client.submit(clip)
+    client.submit(clip_path)
     keys = {request.headers["Idempotency-Key"] for request in service.asked}
     assert len(keys) == 1
     assert len(service.asked) == 3
     assert service.asked[-1].content.count(b"frames") == 1000
 
 
-def test_two_uploads_have_two_keys_unless_one_is_given(client, service, clip):
+def test_two_uploads_have_two_keys_unless_one_is_given(client, service, clip_path):
     service.job().job().job()
-    client.submit(clip)
-    client.submit(clip)
-    client.submit(clip, idempotency_key="mine")
+    client.submit(clip_path)
+    client.submit(clip_path)
+    client.submit(clip_path, idempotency_key="mine")
     keys = [request.headers["Idempotency-Key"] for request in service.asked]
     assert len(set(keys)) == 3
     assert keys[2] == "mine"
