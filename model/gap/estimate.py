@@ -1,14 +1,13 @@
-"""Fit the parameters of a world to what an observer sees: Gauss-Newton, many worlds at once."""
+"""Fit the parameters of a world to what an observer sees: growing horizons, many worlds at once."""
 
 import math
-import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from jaxtyping import Float64
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from model.gap.effects.base import Quantity
 from model.gap.hypothesis import Hypothesis
@@ -22,8 +21,10 @@ STEPS = (0.25, 0.08, 0.025)
 """Of a coordinate, for a difference: wide at first, to look across the kinks of contacts, then fine."""
 SPARE = 1.3
 """Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
-WANDER = 0.6
-"""How far an evolution strategy looks at first, in coordinates."""
+FIRST_HORIZON = 5
+"""Frames."""
+LOOSE = 3.0
+"""Standard deviation of what is believed beforehand, in coordinates."""
 WIDEST = 12
 """Worlds that are rolled out at once; more would only take memory."""
 
@@ -108,6 +109,10 @@ class Misfit:
         """The same for another hypothesis."""
         return Misfit(hypothesis, self.observer, self.span, self.noise)
 
+    def until(self, last: int) -> "Misfit":
+        """The same over the frames up to `last`."""
+        return Misfit(self.hypothesis, self.observer, replace(self.span, last=last), self.noise)
+
     def settle(self) -> None:
         """Forget how finely time was divided for worlds that were looked at before."""
         self._substeps = 0
@@ -171,36 +176,71 @@ class Estimate:
         return float(np.mean(self.residuals**2))
 
 
-def estimate(
-    misfit: Misfit, starts: Float64[Array, "s d"], generations: int, steps: int, seed: int = 0
-) -> Estimate:
-    """The best of several starts, followed to its minimum: an evolution strategy, then Gauss-Newton.
+def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estimate:
+    """The best of several starts, followed to its minimum over a growing horizon.
 
-    Soft bodies that swing are nearly chaotic: the misfit is rough, and its valleys are narrow. An evolution
-    strategy finds the valley, slopes find its floor.
+    Soft bodies that swing are nearly chaotic: over a long horizon the misfit is rough and its valleys narrow.
+    Over a few frames it is smooth, and each longer horizon starts where the last one ended.
 
     Args:
         misfit: What is to be small.
         starts: Where to begin; all are looked at, the best is followed.
-        generations: Of the evolution strategy; each costs `WIDEST` rollouts.
-        steps: Gauss-Newton steps at most; each costs one rollout per coordinate, and one.
-        seed: Of the evolution strategy.
-
-    Reference:
-        Hansen (2016), The CMA evolution strategy: a tutorial, arXiv:1604.00772.
+        steps: Gauss-Newton steps at most for each horizon; each costs one rollout per coordinate, and one.
     """
-    begun = misfit.evaluations
+    spent = 0
+    vector = found = None
+    for last in _horizons(misfit.span):
+        part = misfit.until(last)
+        low, high = part.coordinates.bounds
+        if vector is None:
+            inside = np.clip(starts, low + 1e-6, high - 1e-6)
+            vector = inside[int((part(inside) ** 2).mean(1).argmin())] if len(inside) > 1 else inside[0]
+            part.settle()
+        found = _descended(part, vector, starts[0], steps)
+        vector = np.clip(found.x, low + 1e-6, high - 1e-6)
+        spent += part.evaluations
+    assert vector is not None
+    assert found is not None
+    count = len(found.fun) - len(vector)
+    return Estimate(
+        misfit.coordinates.values(found.x),
+        found.x,
+        found.fun[:count],
+        found.jac[:count],
+        spent,
+        bool(found.status > 0),
+    )
+
+
+def _horizons(span: Span) -> list[int]:
+    """Last frames, each twice as far as the one before."""
+    whole = span.last - span.first
+    horizons = []
+    frames = FIRST_HORIZON
+    while frames < 0.75 * whole:
+        horizons.append(span.first + frames)
+        frames *= 2
+    return [*horizons, span.last]
+
+
+def _descended(
+    misfit: Misfit, vector: Float64[Array, " d"], believed: Float64[Array, " d"], steps: int
+) -> OptimizeResult:
+    """Gauss-Newton with wide differences, then with fine ones.
+
+    What the frames so far say nothing of stays near what is believed.
+    """
+
+    def residuals(at: Float64[Array, " d"]) -> Float64[Array, " r"]:
+        return np.concatenate([misfit(at[None])[0], (at - believed) / LOOSE])
+
     low, high = misfit.coordinates.bounds
-    inside = np.clip(starts, low + 1e-6, high - 1e-6)
-    vector = inside[int((misfit(inside) ** 2).mean(1).argmin())]
-    misfit.settle()
-    vector = np.clip(_evolved(misfit, vector, generations, seed), low + 1e-6, high - 1e-6)
-    found, left = None, steps
+    left, found = steps, None
     for width in STEPS:
         found = least_squares(
-            lambda vector: misfit(vector[None])[0],
+            residuals,
             vector,
-            lambda vector, width=width: misfit.jacobian(vector, width),
+            lambda at, width=width: np.concatenate([misfit.jacobian(at, width), np.eye(len(at)) / LOOSE]),
             bounds=(low, high),
             max_nfev=max(left, 1),
             xtol=0.05 * width,
@@ -209,33 +249,7 @@ def estimate(
         vector, left = np.clip(found.x, low + 1e-6, high - 1e-6), left - found.nfev
         if left <= 0:
             break
-    assert found is not None
-    return Estimate(
-        misfit.coordinates.values(found.x),
-        found.x,
-        found.fun,
-        found.jac,
-        misfit.evaluations - begun,
-        bool(found.status > 0),
-    )
-
-
-def _evolved(
-    misfit: Misfit, start: Float64[Array, " d"], generations: int, seed: int
-) -> Float64[Array, " d"]:
-    if not generations:
-        return start
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it asks for matplotlib, for plots that nobody draws here
-        import cma
-    low, high = misfit.coordinates.bounds
-    options = {"bounds": [list(low), list(high)], "popsize": WIDEST, "maxiter": generations}
-    strategy = cma.CMAEvolutionStrategy(start, WANDER, {**options, "seed": seed + 1, "verbose": -9})
-    while not strategy.stop():
-        asked = np.array(strategy.ask())
-        strategy.tell(list(asked), list(np.log((misfit(asked) ** 2).mean(1) + 1e-12)))
-    best: Float64[Array, " d"] = strategy.result.xbest
-    return best
+    return found
 
 
 def _portions(vectors: Float64[Array, "b d"], size: int) -> list[Float64[Array, "c d"]]:

@@ -57,12 +57,12 @@ def test_finds_what_was_planted(shaken):
     truth = {**start, "stiffness": 0.4 * start["stiffness"], "drag_rate": 1.5}
     seen = moved(still, plain, truth)
     assert 4e-4 < noise_of(seen) < 1.2e-3
-    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.1), Span(0, FRAMES - 1), 5e-4)
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
     vector = misfit.coordinates.vector(start)
-    found = estimate(misfit, vector[None], generations=25, steps=12)
-    assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.15)
-    assert found.values["drag_rate"] == pytest.approx(truth["drag_rate"], rel=0.25)
-    assert found.cost < 0.2 * float((misfit(vector[None]) ** 2).mean())
+    found = estimate(misfit, vector[None], steps=8)
+    assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.02)
+    assert found.values["drag_rate"] == pytest.approx(truth["drag_rate"], rel=0.05)
+    assert found.cost < 1.4 < 0.1 * float((misfit(vector[None]) ** 2).mean())
 
 
 def test_a_screen_ranks_what_was_planted_first(shaken):
@@ -72,7 +72,7 @@ def test_a_screen_ranks_what_was_planted_first(shaken):
     truth = {**start, "quadratic_air_drag.drag_per_mass": 3.0}
     seen = moved(still, plain.with_effect(effects[1]), truth)
     misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
-    base = estimate(misfit, misfit.coordinates.vector(start)[None], generations=8, steps=6)
+    base = estimate(misfit, misfit.coordinates.vector(start)[None], steps=6)
     frames = np.repeat(np.arange(1, FRAMES), seen.points.shape[1] * 3)
     scores = screen(misfit, base, effects, BLOCKS * frames // FRAMES)
     assert max(scores, key=lambda score: score.best.foretold).name == "quadratic_air_drag"
