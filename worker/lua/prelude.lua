@@ -61,7 +61,7 @@ end
 local function announce(id)
   local webhook = get(id, 'webhook')
   local hook = id .. '-webhook'
-  if not webhook or webhook == '' or redis.call('EXISTS', job(hook)) == 1 then return end
+  if not webhook then return end
   local tenant = get(id, 'tenant')
   local at = now()
   redis.call('HSET', job(hook), 'id', hook, 'kind', 'webhook', 'queue', 'webhooks', 'tenant', tenant,
