@@ -16,7 +16,12 @@ from model.reconstruction.camera_file import read_camera_file
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 BUNDLE_PAGE = ROOT / "docs" / "twin-bundle.md"
-PAGES = [README, *sorted(page for page in (ROOT / "docs").glob("*.md") if not page.name.startswith("gap-"))]
+ELSEWHERE = ("gap-", "service")
+"""Pages of which other tests take care, since they need a running service or hours."""
+PAGES = [
+    README,
+    *sorted(page for page in (ROOT / "docs").glob("*.md") if not page.name.startswith(ELSEWHERE)),
+]
 
 
 def text_of(page: Path) -> str:
