@@ -67,6 +67,7 @@ def parse_observation(arrays: Mapping[str, Array], name: str) -> Observation:
     Raises:
         InputError: the arrays break the contract.
     """
+    arrays = {key: np.asarray(value) for key, value in arrays.items()}  # a scalar of numpy is no array
     for key in REQUIRED:
         if key not in arrays:
             raise InputError(f"{name}: {key}: expected {SHAPES[key]}, found no such key")

@@ -84,11 +84,11 @@ CATALOGUE: Mapping[str, Kindred] = {
         (0.02, 40.0), options=lambda s, r: {"exponent": float(r.uniform(1.8, 2.2))}
     ),
     "wind": Kindred(
-        (0.3, 12.0),
+        (0.01, 6.0),
         excited_by=(*AIRY, "drag"),
         options=lambda s, r: {
             "direction": _direction(r, 0.1),
-            "density": float(r.uniform(0.5, 1.5)),
+            "speed": float(r.uniform(2.5, 6.0)),
             "gust": float(r.uniform(0, 0.3)),
             "gust_rate": float(r.uniform(0.2, 0.8)),
             "shear": float(r.uniform(0, 0.25)),

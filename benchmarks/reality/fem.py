@@ -4,7 +4,7 @@ Amplitudes, in units of the object's own where they have one: `strain_stiffening
 the scale strain (power law) or in the exponential's factor (Fung); `tension_only`, `plasticity`, `damage`
 shares of the stiffness; `viscoelasticity`, `anisotropy`, `volume_preservation` moduli relative to the base;
 `bending_stiffness` relative to weight times length squared; `quadratic_air_drag` coefficient times air
-density [kg/m³]; `wind` and `moving_base` m/s and rad/s; `gravity_tilt`, `magnet` m/s²; `mass_heterogeneity`
+density [kg/m³]; `wind` the same; `moving_base` rad/s; `gravity_tilt`, `magnet` m/s²; `mass_heterogeneity`
 relative mass; `grip_slip` m/(N s) relative to the grip; `actuation_delay` s; `adhesion` Pa;
 `static_friction` coefficient; `self_collision` m.
 """
@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.reality import compiled
-from benchmarks.reality.hands import follow
+from benchmarks.reality.hands import follow, held_share
 from benchmarks.reality.meshes import Mesh, mesh
 from benchmarks.reality.skin import attach, carry
 from benchmarks.reality.world import RATE, Array, Effect, Motion, Runaway, World
@@ -70,6 +70,8 @@ class _Run:
             "slipped": np.zeros(max(len(self.arrays["grip_node"]), 1)),
         }
         material = world.material
+        if material.bending > 0 and not any(e.name == "bending_stiffness" for e in world.effects):
+            self._bending_stiffness(Effect("bending_stiffness", 0.0))
         self.numbers |= {
             "gravity": tuple(scene.gravity),
             "drag_rate": material.drag_rate,
@@ -149,7 +151,7 @@ class _Run:
         samples = int(np.ceil(self.world.scene.times[-1] * RATE)) + 2
         self.arrays["grip_node"] = np.concatenate(nodes) if nodes else np.zeros(0, int)
         self.arrays["anchor"] = np.concatenate(anchors, axis=1) if anchors else np.zeros((samples, 0, 3))
-        omega = self._frequency() / 4
+        omega = self._frequency() / 1.5
         stiff = self.mass[self.arrays["grip_node"]] * omega**2
         self.arrays["grip_stiff"] = stiff
 
@@ -189,9 +191,8 @@ class _Run:
         """Where the effect acted, at the observed points."""
         nodes = effect.where(self.body.nodes)
         if effect.name == "grip_slip":
-            nodes = np.zeros(len(self.mass))
-            nodes[self.arrays["grip_node"]] = 1.0
-        elif effect.name in ("adhesion", "static_friction"):
+            return held_share(self.world)
+        if effect.name in ("adhesion", "static_friction"):
             nodes = np.clip(self.arrays["touched"] / 0.3, 0, 1)
         elif effect.name == "self_collision":
             nodes = np.clip(self.arrays["met"] / 0.1, 0, 1)
@@ -257,9 +258,11 @@ class _Run:
         where = effect.where(
             body.nodes[body.stencil[:, 1]] if body.dim == 1 else body.nodes[body.stencil[:, :2]].mean(axis=1)
         )
-        self.arrays["stencil_stiff"] = effect.amplitude * unit * where * body.stencil_scale
+        self.arrays["stencil_stiff"] = (
+            (self.world.material.bending + effect.amplitude * where) * unit * body.stencil_scale
+        )
         rest = np.einsum("sk,skc->sc", body.stencil_weight, body.nodes[body.stencil])
-        self.arrays["stencil_rest"] = np.linalg.norm(rest, axis=1) * (body.dim == 1)
+        self.arrays["stencil_rest"] = np.linalg.norm(rest, axis=1)
         self.bent = True
 
     def _volume_preservation(self, effect: Effect) -> None:
@@ -276,9 +279,9 @@ class _Run:
         }
 
     def _wind(self, effect: Effect) -> None:
-        way = np.asarray(effect.options["direction"]) * effect.amplitude
+        way = np.asarray(effect.options["direction"]) * float(effect.options["speed"])
         self.numbers |= {
-            "air": float(effect.options["density"]) / 2,
+            "air": effect.amplitude / 2,
             "air_exponent": 2.0,
             "air_reference": 1.0,
             "wind": tuple(way),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.reality.shapes import Shape
-from benchmarks.reality.world import RATE, Array, Hand, Kind, Scene
+from benchmarks.reality.world import RATE, Array, Hand, Kind, Scene, World
 
 Stop = tuple[float, Array | Sequence[float]]
 Generator = np.random.Generator
@@ -315,3 +315,13 @@ def follow(hand: Hand, points: Array, delay: float = 0.0, extra: Array | None = 
         matrices = np.stack([rotation(vector) for vector in turn])
         turned = np.einsum("sij,nj->sni", matrices, arm)
     return hand.place + offset[:, None] + turned
+
+
+def held_share(world: World) -> Array:
+    """How near the observed points [N] are to a grip, 0..1."""
+    placed = world.shape.surface @ world.scene.turn.T + world.scene.shift
+    share = np.zeros(len(placed))
+    for hand in world.scene.hands:
+        distance = np.linalg.norm(placed - hand.place, axis=1)
+        share = np.maximum(share, np.clip(2.0 - distance / max(hand.reach, distance.min()), 0.0, 1.0))
+    return share

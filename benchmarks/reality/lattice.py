@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import Delaunay, cKDTree
 from scipy.special import erf
 
-from benchmarks.reality.hands import follow
+from benchmarks.reality.hands import follow, held_share
 from benchmarks.reality.shapes import Shape
 from benchmarks.reality.skin import attach, carry
 from benchmarks.reality.world import RATE, Array, Effect, Motion, Runaway, World
@@ -80,7 +80,7 @@ def _net(shape: Shape, spacing: float, rng: np.random.Generator) -> Lattice:
     flat = low + grid * step
     kept = shape.inside(np.column_stack([flat * (1 - 1e-9), np.zeros(len(flat))]))
     grid, flat = grid[kept], flat[kept]
-    nodes = np.column_stack([flat, np.full(len(flat), shape.radius)])
+    nodes = np.column_stack([flat, shape.relief(flat)])
     index = {tuple(cell): k for k, cell in enumerate(grid)}
     springs, unit, triplets = [], [], []
     for cell, k in index.items():
@@ -153,6 +153,8 @@ class _Run:
         self.slip = (0.0, 0.0)
         self.touched, self.met = np.zeros(len(self.mass)), np.zeros(len(self.mass))
         self.near = np.zeros((0, 2), int)
+        if world.material.bending > 0 and not any(e.name == "bending_stiffness" for e in world.effects):
+            self._bending_stiffness(Effect("bending_stiffness", 0.0))
         for effect in world.effects:
             if effect.name not in ("actuation_delay", "hand_torque"):
                 getattr(self, f"_{effect.name}")(effect)
@@ -265,7 +267,7 @@ class _Run:
         load = np.zeros(len(self.mass))
         np.add.at(load, self.net.springs, np.repeat(self.stiffness[:, None], 2, axis=1))
         mass = self.mass[self.held][:, None]
-        stiff = mass * (2 * (load / self.mass).max()) / 16
+        stiff = mass * (2 * (load / self.mass).max()) / 3
         offset = np.zeros((len(self.held), 3))
         limit, rate = self.slip
 
@@ -306,9 +308,8 @@ class _Run:
     def _acts(self, effect: Effect, index: Array, weight: Array) -> Array:
         nodes = effect.where(self.net.nodes)
         if effect.name == "grip_slip":
-            nodes = np.zeros(len(self.mass))
-            nodes[self.held] = 1.0
-        elif effect.name in ("adhesion", "static_friction"):
+            return held_share(self.world)
+        if effect.name in ("adhesion", "static_friction"):
             nodes = np.clip(self.touched / 0.3, 0, 1)
         elif effect.name == "self_collision":
             nodes = np.clip(self.met / 0.1, 0, 1)
@@ -397,9 +398,10 @@ class _Run:
         nodes, length = self.net.nodes, self.world.shape.length
         left = np.linalg.norm(nodes[b] - nodes[a], axis=1)
         right = np.linalg.norm(nodes[c] - nodes[b], axis=1)
-        modulus = effect.amplitude * self.world.material.density * 9.81 * length**3
+        unit = self.world.material.density * 9.81 * length**3
         wide = 2 / (left + right) if self.world.shape.kind == "rope" else np.ones(len(a))
-        stiff = (modulus * wide * effect.where(nodes[b]))[:, None]
+        relative = self.world.material.bending + effect.amplitude * effect.where(nodes[b])
+        stiff = (unit * wide * relative)[:, None]
         count, row = len(nodes), np.arange(len(a))
         weights = csr_matrix(
             (
@@ -462,8 +464,8 @@ class _Run:
 
     def _wind(self, effect: Effect) -> None:
         o = effect.options
-        way = np.asarray(o["direction"]) * effect.amplitude
-        c = (0.5 * float(o["density"]) * self.net.area)[:, None]
+        way = np.asarray(o["direction"]) * float(o["speed"])
+        c = (0.5 * effect.amplitude * self.net.area)[:, None]
 
         def blow(now: _State) -> Array:
             lull = 1 + float(o["gust"]) * np.sin(2 * np.pi * float(o["gust_rate"]) * now.t)

@@ -24,6 +24,7 @@ COARSER = 1.6
 CLOSE = 1.25
 """A magnitude within this factor of its target will do."""
 ATTEMPTS = 6
+ACCEPTED = (0.4, 6.0)
 LIMIT = 1.6
 """How far a logarithm of a base parameter may move."""
 
@@ -108,7 +109,8 @@ def tune(
 ) -> tuple[Effect, float] | None:
     """The amplitude at which the effect has the target magnitude, found by secants on logarithms.
 
-    None: it cannot be reached within the limits.
+    Where the target is out of reach, the nearest that was tried is taken, if it is within `ACCEPTED`: what
+    counts is the magnitude measured. None: there is none such.
     """
     low, high = limits
     tried: list[tuple[float, float]] = []
@@ -119,6 +121,8 @@ def tune(
         try:
             value = gap(stick, simulate(stick.world.with_effects(attempt)).points)
         except Runaway:
+            if tried and amplitude < 1.5 * tried[-1][0]:
+                break
             top = amplitude
             amplitude = (
                 float(np.sqrt(low * amplitude)) if not tried else float(np.sqrt(tried[-1][0] * amplitude))
@@ -128,9 +132,13 @@ def tune(
         if target / CLOSE <= value <= target * CLOSE:
             return attempt, value
         amplitude = _next(tried, target, low, top)
-        if any(abs(np.log(amplitude / was)) < 0.02 for was, _ in tried):
+        if any(abs(np.log(amplitude / was)) < 0.05 for was, _ in tried):
             break
-    return None
+    reached = [pair for pair in tried if ACCEPTED[0] <= pair[1] <= ACCEPTED[1]]
+    if not reached:
+        return None
+    amplitude, value = min(reached, key=lambda pair: abs(np.log(pair[1] / target)))
+    return replace(effect, amplitude=amplitude), value
 
 
 def _next(tried: list[tuple[float, float]], target: float, low: float, high: float) -> float:

@@ -98,7 +98,7 @@ def _sheet(shape: Shape, spacing: float, rng: np.random.Generator) -> Mesh:
     keep = inside & (4 * np.sqrt(3) * np.abs(area) > 0.4 * sides)  # slivers would dictate the time step
     triangles, area = triangles[keep], area[keep]
     triangles[area < 0] = triangles[area < 0][:, ::-1]
-    nodes = np.column_stack([flat, np.full(len(flat), shape.radius)])
+    nodes = np.column_stack([flat, shape.relief(flat)])
     nodes, triangles, kept = _largest(nodes, triangles)
     area = np.abs(area)[kept]
     node_area = np.zeros(len(nodes))

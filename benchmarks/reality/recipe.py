@@ -26,6 +26,9 @@ BLOCK: tuple[Category, ...] = (
 LAST: tuple[Category, ...] = ("actuation", "topology")
 MAGNITUDES = (0.5, 1.0, 2.0, 4.0)
 FPS = 30.0
+BENDING = 2e-4
+"""A bending length of 2.3 cm at 0.4 m, as of cotton. Without any, a ten-thousandth more stiffness was seen
+to move a cloth by 14 mm on average; with it, by a hundredth of a millimetre."""
 SPLITS: Mapping[Split, int] = {"dev": 11, "test": 97}
 
 Make = Callable[[np.random.Generator, int], Shape]
@@ -171,6 +174,7 @@ def draw_material(shape: Shape, rng: np.random.Generator) -> Material:
         drag_rate=rng.uniform(0.3, 2.0),
         friction=rng.uniform(0.25, 0.8),
         restitution=rng.uniform(0.0, 0.4),
+        bending=BENDING if shape.kind == "sheet" else 0.0,
     )
 
 

@@ -12,6 +12,8 @@ import numpy as np
 from benchmarks.reality.world import Array, Kind
 
 Inside = Callable[[Array], Array]
+RELIEF = 0.004
+"""Of a cloth that lies on a table [m]."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,8 @@ class Shape:
     """Where a hand may hold: positions [3] m."""
     radius: float
     """Half the thickness of a rope [m]; of a sheet as well."""
+    relief: Callable[[Array], Array] = lambda p: np.zeros(len(p))
+    """Height [m] of a sheet at [n, 2]: none is flat, and a flat one would buckle by rounding errors."""
 
     @property
     def length(self) -> float:
@@ -93,6 +97,12 @@ def sheet(rng: np.random.Generator, count: int, outline: str) -> Shape:
     drawn = drawn[inner(drawn)]
     surface = drawn[spread(drawn, count, rng)] * half
     z = 0.003
+    waves = rng.normal(size=(6, 2)) * np.pi / half.max() * 0.8
+    phases, sizes = rng.uniform(0, 2 * np.pi, 6), rng.uniform(0.3, 1.0, 6)
+
+    def relief(p: Array) -> Array:
+        return z + RELIEF * (1 + np.sin(p @ waves.T + phases) @ sizes / sizes.sum())
+
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 41)), axis=-1).reshape(-1, 2)
     grid = grid[inner(grid)] * half
     aims = {
@@ -108,16 +118,17 @@ def sheet(rng: np.random.Generator, count: int, outline: str) -> Shape:
     for name, aim in aims.items():
         goal = np.array(aim) * half * 0.97
         nearest = grid[((grid - goal) ** 2).sum(axis=1).argmin()]
-        handles[name] = np.array([*nearest, z])
+        handles[name] = np.array([*nearest, *relief(nearest[None])])
     return Shape(
         kind="sheet",
         name=f"{outline} cloth",
         box=np.array([[*-half, 0], [*half, 2 * z]]),
         inside=lambda p: inner(p[:, :2] / half),
         curve=lambda s: s,
-        surface=np.column_stack([surface, np.full(len(surface), z)]),
+        surface=np.column_stack([surface, relief(surface)]),
         handles=handles,
         radius=z,
+        relief=relief,
     )
 
 

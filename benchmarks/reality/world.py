@@ -55,6 +55,8 @@ class Material:
     """[1/s]."""
     friction: float
     restitution: float
+    bending: float = 0.0
+    """Of a sheet, over weight per area times length cubed: a little keeps folds larger than the mesh."""
 
 
 @dataclass(frozen=True)
