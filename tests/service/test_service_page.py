@@ -60,6 +60,20 @@ def test_its_python_runs(at_work, capsys):
     assert "succeeded" in capsys.readouterr().out
 
 
+def test_python_of_the_readme_runs(at_work):
+    (code,) = (
+        block
+        for block in re.findall(
+            r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
+        )
+        if "service.client" in block
+    )
+    (at_work / "out").mkdir()
+    shutil.copy(at_work / "clip.mp4", at_work / "out" / "demo.mp4")
+    exec(compile(code, "README.md", "exec"), {"__name__": "page"})
+    assert (at_work / "out" / "served.twin.zip").read_bytes() == b"content"
+
+
 def test_its_commands_run(at_work):
     if shutil.which("curl") is None:
         pytest.skip("no curl on the PATH")
