@@ -139,11 +139,16 @@ class Shepherd:
         """Hold the job for another while; stop the horse when it is no longer wanted."""
         try:
             heartbeat()
-            if not self._records.renew(record.id, attempt):
+            if not self._records.renew(record.id, attempt) and not self._settled(record.id, attempt):
                 LOG.info("the job is no longer ours", extra={"job": record.id, "attempt": attempt})
                 horse.stop()
         except RedisError as error:  # the horse may well outlast it
             LOG.warning("Redis is away: %s", error, extra={"job": record.id})
+
+    def _settled(self, job_id: str, attempt: int) -> bool:
+        """Whether this attempt has ended the job, so that its process is about to end too."""
+        record = self._records.get(job_id)
+        return record is not None and record.attempt == attempt and record.status in ("succeeded", "failed")
 
     def _settle(self, record: JobRecord, attempt: int, code: int, late: bool) -> str | None:
         """What the end of the process means for the job."""

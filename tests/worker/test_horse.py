@@ -115,8 +115,9 @@ def test_what_it_prints_goes_into_the_log_with_its_job(ride, capsys, caplog):
     assert (said.getMessage(), said.job, said.attempt) == ("from C", "j", 1)
 
 
-def test_it_ends_with_its_worker(tmp_path, eventually):
-    """Killed, the worker can say nothing to anybody."""
+@pytest.mark.parametrize("guarded", [True, False])
+def test_it_ends_with_its_worker(tmp_path, eventually, guarded):
+    """Killed, the worker can say nothing to anybody; and should the guard be gone too, the kernel ends it."""
     worker = os.fork()
     if worker == 0:
 
@@ -125,11 +126,18 @@ def test_it_ends_with_its_worker(tmp_path, eventually):
             (tmp_path / "horse").write_text(str(os.getpid()))
             time.sleep(600)
 
-        Horse(work, Guard(), 600.0, worker="w", job="j", attempt=1)
+        guard = Guard()
+        (tmp_path / "guard").write_text(str(guard._pid))
+        Horse(work, guard, 600.0, worker="w", job="j", attempt=1)
         time.sleep(600)
     eventually(lambda: (tmp_path / "horse").exists() and (tmp_path / "horse").read_text())
+    pids = {name: int((tmp_path / name).read_text()) for name in ("guard", "horse", "child")}
+    if not guarded:
+        os.kill(pids["guard"], signal.SIGKILL)
     os.kill(worker, signal.SIGKILL)
     os.waitpid(worker, 0)
-    for name in ("horse", "child"):
-        pid = int((tmp_path / name).read_text())
-        eventually(lambda pid=pid: not alive(pid))
+    eventually(lambda: not alive(pids["horse"]))
+    if guarded:
+        eventually(lambda: not alive(pids["child"]))
+    else:
+        os.kill(pids["child"], signal.SIGKILL)

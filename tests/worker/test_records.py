@@ -241,6 +241,7 @@ def test_jobs_whose_time_is_over_are_deleted(records, errand, eventually):
     assert records.expire() == 0
     eventually(lambda: records.expire() == 1)
     assert records.get(record.id) is None
+    assert records.expire() == 0
 
 
 def test_reserved_files_are_swept_unless_a_job_claims_them(records, client, errand):
