@@ -45,10 +45,11 @@ def test_hanging_chain(chain):
     end = Simulator(system, forces).rollout(still, ends.expand(2, -1, -1), fps=0.5, substeps=700).end
     # half a link at each end hangs on the grip: the cable between the outer points carries all the rest
     along = np.arange(count) * spacing
-    cable = elastic_catenary(span, length, mass * 9.81 / length, stiffness * spacing, along)
+    places = (end.positions - end.positions[0]).numpy()  # the grips give a little
+    cable = elastic_catenary(places[-1, 0], length, mass * 9.81 / length, stiffness * spacing, along)
     sag = -cable[:, 2].min()
     assert sag > 0.2
-    assert np.abs(end.positions.numpy() - cable).max() < 0.01 * sag
+    assert np.abs(places - cable).max() < 2 / count**2 * sag
 
 
 def test_wave_speed_in_a_bar(chain):
