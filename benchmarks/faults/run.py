@@ -4,7 +4,7 @@
 
 A real Redis, a real front and three real workers; the jobs are errands (`errand.py`): a fraction of a second
 each, with an uploaded input and a published result, so that a hundred of them fit into minutes. As root,
-store, uploads and work in progress lie on a small file system of their own, which one of the faults fills.
+all of it (store, uploads, work in progress, Redis) lies on a small file system, which one fault fills.
 
 A fault's recovery is the time from the fault (of an outage: from its end) until both the job it hit and a job
 submitted just then have succeeded. Exit code 1: a job was lost or published twice, or something was left.
@@ -71,6 +71,8 @@ class Breaker:
     def __init__(self, system: System, load: Load, outage_s: float) -> None:
         """See the class."""
         self.system, self.load, self.outage_s = system, load, outage_s
+        self.hit = 0.0
+        """When the last fault was done, or its outage over [s]."""
 
     def kill_horse(self) -> list[str]:
         """The process of one job."""
@@ -79,7 +81,7 @@ class Breaker:
         horse = None if worker is None else self.system.horse_of(worker)
         if horse is None:
             raise RuntimeError("no horse to kill")
-        os.kill(horse, signal.SIGKILL)
+        self._strike(horse, signal.SIGKILL)
         return [victim]
 
     def kill_worker(self) -> list[str]:
@@ -88,14 +90,14 @@ class Breaker:
         worker = self.system.worker_of(victim)
         if worker is None:
             raise RuntimeError("no worker to kill")
-        worker.signal(signal.SIGKILL)
+        self._strike(worker.pid, signal.SIGKILL)
         return [victim]
 
     def kill_front(self) -> list[str]:
         """The front, with uploads under way."""
         victims = [self.load.ask(company=True) for _ in range(3)]
         self.pass_time(0.05)
-        self.system.front.signal(signal.SIGKILL)
+        self._strike(self.system.front.pid, signal.SIGKILL)
         self.wait_for(lambda: all(victim.done() for victim in victims))
         return [victim.result() for victim in victims]
 
@@ -103,7 +105,7 @@ class Breaker:
         """Redis, with a job at work and one being accepted."""
         victim = self._running_job()
         self.load.ask()
-        os.kill(self.system.redis.pid or 0, signal.SIGKILL)
+        self._strike(self.system.redis.pid or 0, signal.SIGKILL)
         return [victim]
 
     def freeze_redis(self) -> list[str]:
@@ -111,7 +113,7 @@ class Breaker:
         victim, pid = self._running_job(), self.system.redis.pid or 0
         os.kill(pid, signal.SIGSTOP)
         self.pass_time(self.outage_s)
-        os.kill(pid, signal.SIGCONT)
+        self._strike(pid, signal.SIGCONT)
         return [victim]
 
     def stop_redis(self) -> list[str]:
@@ -120,11 +122,11 @@ class Breaker:
         self.system.redis_away = True
         os.kill(self.system.redis.pid or 0, signal.SIGTERM)
         self.pass_time(self.outage_s)
-        self.system.redis_away = False
+        self.system.redis_away, self.hit = False, time.monotonic()
         return [victim]
 
     def fill_disk(self) -> list[str]:
-        """No byte is free for store, uploads and work in progress."""
+        """No byte is free for store, uploads, work in progress and Redis."""
         victim = self._running_job()
         balloon = self.system.disk / "balloon"
         with balloon.open("wb", buffering=0) as file:
@@ -135,13 +137,14 @@ class Breaker:
                 pass
         self.pass_time(self.outage_s)
         balloon.unlink()
+        self.hit = time.monotonic()
         return [victim]
 
     def roll_workers(self) -> list[str]:
         """One job ends within the grace, two are handed back."""
         victims = [self._running_job(seconds) for seconds in (0.8, 3.0, 3.0)]
         for worker in self.system.workers:
-            worker.signal(signal.SIGTERM)
+            self._strike(worker.pid, signal.SIGTERM)
         return victims
 
     def pass_time(self, seconds: float) -> None:
@@ -178,6 +181,10 @@ class Breaker:
         """Whether a job has its result."""
         record = self.system.records.get(job_id)
         return record is not None and record.status == "succeeded"
+
+    def _strike(self, pid: int, number: int) -> None:
+        os.kill(pid, number)
+        self.hit = time.monotonic()
 
     def _running_job(self, seconds: float = 2.0) -> str:
         """A job that runs now, in the company of a process that would outlive it."""
@@ -262,7 +269,7 @@ def main() -> int:
     arguments.add_argument("--only", default="", metavar="WORD", help="faults with this word in their name")
     given = arguments.parse_args()
     root = os.geteuid() == 0
-    times = 1 if given.quick else 3
+    times, outages = (1, 1) if given.quick else (3, 2)
     folder = Path(tempfile.mkdtemp(prefix="faults-"))
     table, began = Table(), time.monotonic()
     with running(folder, WORKERS, DISK_MIB if root else None) as system:
@@ -273,23 +280,22 @@ def main() -> int:
             ("kill -9 of a worker", breaker.kill_worker, times),
             ("kill -9 of the front", breaker.kill_front, times),
             ("kill -9 of Redis", breaker.kill_redis, times),
-            (f"Redis frozen {breaker.outage_s:.0f} s", breaker.freeze_redis, 1),
-            (f"Redis stopped {breaker.outage_s:.0f} s", breaker.stop_redis, 1),
-            ("SIGTERM to all workers", breaker.roll_workers, 1),
+            (f"Redis frozen {breaker.outage_s:.0f} s", breaker.freeze_redis, outages),
+            (f"Redis stopped {breaker.outage_s:.0f} s", breaker.stop_redis, outages),
+            ("SIGTERM to all workers", breaker.roll_workers, outages),
         ]
         if root:
-            faults.insert(6, (f"disk full {breaker.outage_s:.0f} s", breaker.fill_disk, 1))
+            faults.insert(6, (f"disk full {breaker.outage_s:.0f} s", breaker.fill_disk, outages))
         else:
             print("not root: the full disk is left out")
         try:
             breaker.wait_for(load.ask().done)
             for name, fault, count in faults:
                 for _ in range(count if given.only in name else 0):
-                    victims, hit = fault(), time.monotonic()
-                    canary = load.ask()
+                    victims, canary = fault(), load.ask()
                     if not breaker.recovered(victims, canary):
                         table.problems.append(f"{name}: {breaker.state(victims, canary)}")
-                    table.add(name, time.monotonic() - hit)
+                    table.add(name, time.monotonic() - breaker.hit)
             load.stop()
             breaker.wait_for(load.done, 300.0)
             breaker.wait_for(lambda: system.records.running() + sum(system.queues.depth().values()) == 0)

@@ -74,7 +74,7 @@ class System:
     Args:
         folder: For everything; everything is removed.
         workers: How many.
-        disk_mib: Size of a file system of its own for the store, the uploads and work in progress; None: they
+        disk_mib: Size of a file system of its own for store, uploads, work in progress and Redis; None: they
             lie in `folder`.
     """
 
@@ -87,7 +87,7 @@ class System:
             mount = ["mount", "-t", "tmpfs", "-o", f"size={disk_mib}m", "tmpfs", str(self.disk)]
             subprocess.run(mount, check=True)
         os.environ[MARK] = self.mark
-        self.redis = EmbeddedRedis(folder / "redis")
+        self.redis = EmbeddedRedis(self.disk / "redis")
         self.redis.start()
         self.redis_away = False
         self.client = connect(self.redis.url, patience_s=60.0)
