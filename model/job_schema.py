@@ -164,6 +164,12 @@ class JobPage(Answer):
     ] = None
 
 
+class WebhookSecret(Answer):
+    """What webhooks are signed with (Standard Webhooks)."""
+
+    secret: Annotated[str, Field(pattern="^whsec_", examples=["whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"])]
+
+
 class Problem(Answer):
     """An error (RFC 9457)."""
 

@@ -11,7 +11,7 @@ from service.front import Front
 from service.metrics import Metrics
 from service.middleware import RequestFrame
 from service.resources import Resource
-from service.routes import operations, twins
+from service.routes import operations, twins, webhooks
 from service.routes.jobs import job_routes
 from service.routes.page import page_routes
 from service.settings import Settings
@@ -50,6 +50,7 @@ def create_app(settings: Settings, children: Sequence[Resource] = ALL_CHILDREN) 
     for child in children:
         app.include_router(job_routes(child))
     app.include_router(page_routes(settings, children))
+    app.include_router(webhooks.router)
     app.include_router(operations.router)
     errors.install(app)
     app.add_middleware(RequestFrame, metrics=metrics)

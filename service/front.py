@@ -1,8 +1,6 @@
 """What the routes work with: one connection of each kind, made once per process."""
 
 import asyncio
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from fastapi import Request
@@ -10,6 +8,8 @@ from redis import Redis
 from redis.asyncio import Redis as AsyncRedis
 
 from service.auth import ApiKeys
+from service.followers import Followers
+from service.health import Readiness
 from service.limits import RateLimits
 from service.metrics import Metrics
 from service.probe import Inspector
@@ -41,30 +41,20 @@ class Front:
     intake: Intake
     inspector: Inspector
     metrics: Metrics
+    readiness: Readiness
+    followers: Followers = field(default_factory=Followers)
     closing: asyncio.Event = field(default_factory=asyncio.Event)
     """Set when the front is to end: streams of events end by themselves then."""
-
-    _followers: list[None] = field(default_factory=list)
-
-    @property
-    def followers(self) -> int:
-        """Streams of events that are open."""
-        return len(self._followers)
-
-    @contextmanager
-    def following(self) -> Iterator[None]:
-        """Count one stream of events."""
-        self._followers.append(None)
-        try:
-            yield
-        finally:
-            self._followers.pop()
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Front":
         """Connect; nothing is asked of Redis yet."""
         client = connect(settings.redis_url, PATIENCE_SECONDS)
         records = Records(client)
+        queues, storage = Queues(client, records), Storage(settings.store_url)
+        intake = Intake(
+            settings.staging, settings.max_upload_bytes, settings.min_free_bytes, settings.idle_seconds
+        )
         return cls(
             settings=settings,
             redis=client,
@@ -72,14 +62,13 @@ class Front:
             keys=ApiKeys(client),
             limits=RateLimits(client, settings),
             records=records,
-            queues=Queues(client, records),
+            queues=queues,
             progress=Progress(client),
-            storage=Storage(settings.store_url),
-            intake=Intake(
-                settings.staging, settings.max_upload_bytes, settings.min_free_bytes, settings.idle_seconds
-            ),
+            storage=storage,
+            intake=intake,
             inspector=Inspector(settings.inspections),
             metrics=metrics,
+            readiness=Readiness(client, queues, storage, intake),
         )
 
     async def close(self) -> None:

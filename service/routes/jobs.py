@@ -34,8 +34,6 @@ IdempotencyKey = Annotated[
 ]
 LOOK_AGAIN_SECONDS = 2
 """After which it is worth asking how a new job does."""
-MAX_FOLLOWERS = 500
-"""Streams of events of one front at the same time."""
 
 
 def job_routes(resource: Resource) -> APIRouter:
@@ -158,11 +156,10 @@ def _add_reading(router: APIRouter, resource: Resource) -> None:
 
 
 def _add_watching(router: APIRouter, resource: Resource) -> None:
-    def followed(job_id: JobId, front: FrontNow, key: Reader) -> str:
+    def followed(job_id: JobId, front: FrontNow, key: Reader) -> tuple[str, str]:
         """The job is looked up before the stream begins: an error is a problem then, not an event."""
-        if front.followers >= MAX_FOLLOWERS:
-            raise ProblemError("unavailable", "too many streams of events are open", retry_after=10)
-        return resource.find(front, key, job_id).id
+        front.followers.check(key.id)
+        return resource.find(front, key, job_id).id, key.id
 
     @router.get(
         resource.path + "/{id}/events",
@@ -172,7 +169,7 @@ def _add_watching(router: APIRouter, resource: Resource) -> None:
         responses=problems(404),
     )
     async def follow_job(
-        job_id: Annotated[str, Depends(followed)],
+        job_and_key: Annotated[tuple[str, str], Depends(followed)],
         front: FrontNow,
         last_event_id: Annotated[
             str,
@@ -183,7 +180,8 @@ def _add_watching(router: APIRouter, resource: Resource) -> None:
             ),
         ] = BEGINNING,
     ) -> AsyncIterator[ServerSentEvent]:
-        with front.following():
+        job_id, key_id = job_and_key
+        with front.followers.one(key_id):
             async for event in follow(front.async_redis, job_id, last_event_id):
                 if event is not None:
                     yield _sse(event)

@@ -6,7 +6,6 @@ from prometheus_client import CONTENT_TYPE_LATEST
 from redis.exceptions import RedisError
 
 from service.errors import RETRY_SECONDS, ProblemError
-from service.health import check_readiness
 from service.metrics import JobCollector
 from service.openapi import public_problems
 from service.routes.jobs import FrontNow
@@ -24,7 +23,7 @@ async def livez() -> dict[str, str]:
 @router.get("/readyz", summary="Jobs can be taken and done", responses=public_problems(503))
 def readyz(front: FrontNow) -> JSONResponse:
     """Whether Redis and the store take writes, the disk has room, and a worker lives."""
-    checks = check_readiness(front)
+    checks = dict(front.readiness.check())
     if set(checks.values()) != {"ok"}:
         broken = ", ".join(f"{name} {found}" for name, found in checks.items() if found != "ok")
         raise ProblemError("unavailable", broken, retry_after=RETRY_SECONDS, checks=checks)
