@@ -184,6 +184,14 @@ def test_a_postponed_job_is_not_to_blame(hands):
     assert (done.status, done.attempt, done.crashes) == ("succeeded", 3, 0)
 
 
+def test_a_kind_of_job_that_is_unknown_here_is_left_for_others(hands, records, errand, queues):
+    hands.start()
+    strange = errand(kind="unheard-of")
+    queues.enqueue(records.create(strange)[0])
+    assert hands.ended(hands.ask()).status == "succeeded"
+    assert (records.get(strange.id).status, records.get(strange.id).attempt) == ("queued", 0)
+
+
 def test_two_workers_share_the_work(hands, records):
     hands.start()
     hands.start()
