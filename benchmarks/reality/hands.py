@@ -172,7 +172,7 @@ def shake(shape: Shape, duration: float, rng: Generator) -> list[tuple[str, Arra
 def press(shape: Shape, duration: float, rng: Generator) -> list[tuple[str, Array, Array]]:
     """A hand on top goes down, holds, comes back, and goes down again."""
     name = ["top", "left top", "right top"][rng.integers(3)]
-    deep = -rng.uniform(0.12, 0.3) * shape.handles[name][2]
+    deep = -rng.uniform(0.2, 0.4) * shape.handles[name][2]
     t = np.array([0.3, 0.8, 1.8, 2.1, 2.9, 3.3, 3.9]) * duration / 4.5
     amount = [0, 1, 1, 0, 0, rng.uniform(0.7, 1.1), 0]
     return [

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.reality import fem, lattice, shapes
-from benchmarks.reality.hands import glide
+from benchmarks.reality.hands import glide, stage
+from benchmarks.reality.recipe import draw_material
 from benchmarks.reality.world import Effect, Hand, Material, Motion, Scene, World
 
 Simulate = Callable[[World], Motion]
@@ -179,3 +180,15 @@ def test_stiffening_lifts_a_stretched_rope(simulate: Simulate):
         "strain_stiffening", simulate, [0, 0.12, 0.12], amplitude=3.0, form=0.0, exponent=2.0, scale=0.1
     )
     assert rise[-1] > 0.0003
+
+
+def test_both_generators_drag_and_lift_a_rope_alike():
+    """Without effects, two codes that share nothing see the same: what each adds by itself is small."""
+    for script, seed in (("drag", 3), ("lift", 1)):
+        rng = np.random.default_rng(seed)
+        shape = shapes.rope(rng, 60, False)
+        scene = stage(script, shape, np.linspace(0, 2.0, 61), np.eye(3), np.zeros(3), rng)
+        world = World(shape, draw_material(shape, rng), scene, (), 0.02)
+        one, other = fem.simulate(world).points, lattice.simulate(world).points
+        moved = np.linalg.norm(one[-1] - one[0], axis=1).max()
+        assert np.linalg.norm(one - other, axis=2).mean() < 0.1 * moved
