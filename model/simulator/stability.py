@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 import torch
@@ -14,6 +15,8 @@ ITERATIONS = 200
 TOLERANCE = 1e-4
 FOLLOWING = 2
 """Iterations from a vector that is near."""
+SHORT = 0.05
+"""Edges shorter than this share of the usual length have no direction to speak of."""
 SLOWEST = 1e-30
 """Norm below which nothing moves."""
 
@@ -61,7 +64,7 @@ class StabilityWatch:
 
     def __init__(self, dynamics: Dynamics, slopes: Callable[[State, Anchors | None], Slopes]) -> None:
         """See the class."""
-        self._slopes = slopes
+        self._dynamics, self._slopes = dynamics, slopes
         self._root = dynamics.inverse_mass.detach().sqrt()
         self._vector: Tensor | None = None
 
@@ -69,7 +72,26 @@ class StabilityWatch:
         """The largest stable dt [s] near a state."""
         generator = torch.Generator().manual_seed(0)
         vector = torch.randn(state.positions.shape, generator=generator, dtype=torch.float64)
-        return self._iterate(state, anchors, vector.to(state.positions), ITERATIONS)
+        vector = vector.to(state.positions)
+        return self._iterate(self._stretched(state, anchors, vector), anchors, vector, ITERATIONS)
+
+    @torch.no_grad()
+    def _stretched(self, state: State, anchors: Anchors | None, vector: Tensor) -> State:
+        """The state with no edge of nearly no length, which pulls one way or none, and soon pulls all ways.
+
+        So lies a hand that holds a point where it is.
+        """
+        motion = self._dynamics.motion(state, anchors)
+        if not len(motion.edges):
+            return state
+        length = motion.length.reshape(-1, motion.length.shape[-1]).amax(0)
+        least = SHORT * float(length.median())
+        touched = motion.edges.first[length < least]
+        if not len(touched):
+            return state
+        moved = torch.zeros_like(state.positions)
+        moved[..., touched, :] = least * vector[..., touched, :]
+        return replace(state, positions=state.positions + moved)
 
     def follow(self, state: State, anchors: Anchors | None) -> float:
         """The same at a later state of the rollout."""

@@ -13,7 +13,7 @@ from model.simulator.forces.unprojected_dashpot import UnprojectedDashpot
 from model.simulator.pace import LONGEST, MARGIN, StabilityWarning, substeps_for
 from model.simulator.simulator import Simulator
 from model.simulator.stability import stable_step
-from model.simulator.system import State
+from model.simulator.system import State, System
 
 
 def exact_step(system, forces, state, anchors):
@@ -66,3 +66,21 @@ def test_controller_springs_count(system):
     soft = Simulator(system, [Spring(1e8), ControllerSpring(1e8)]).needed_substeps(1 / 30)
     stiff = Simulator(system, [Spring(1e8), ControllerSpring(1e10)]).needed_substeps(1 / 30)
     assert stiff > 3 * soft
+
+
+def test_a_grip_without_length_is_stiff_in_all_directions():
+    """Three hands hold one point where it is: no edge has a direction, yet each pulls all ways once it moves."""
+    system = System(
+        points=torch.tensor([[0.0, 0, 0], [0.1, 0, 0]], dtype=torch.float64),
+        mass=1.0,
+        springs=torch.tensor([[0, 1]]),
+        rest_length=0.1,
+        controller_springs=torch.tensor([[0, 0], [1, 0], [2, 0]]),
+        controller_rest_length=1e-9,
+        controller_points=torch.zeros((3, 3), dtype=torch.float64),
+    )
+    simulator = Simulator(system, [Spring(1.0), ControllerSpring(1e4)])
+    assert simulator.needed_substeps(1.0, margin=1.0) >= 0.98 * (3e4) ** 0.5 / 2
+    start = State(system.points, torch.tensor([[0.3, 0.2, -0.1], [0.0, 0, 0]], dtype=torch.float64))
+    end = simulator.rollout(start, frames=11, fps=10.0).end
+    assert end.velocities.norm() < 0.5
