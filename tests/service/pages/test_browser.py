@@ -98,6 +98,28 @@ def test_stages_are_shown_also_where_a_proxy_holds_events_back(open_page, servin
     expect(page.locator(".job .now")).to_contain_text("tracking, 40 %", timeout=12_000)
 
 
+def test_events_that_break_off_are_resumed(open_page, serving, new_twin):
+    job_id = new_twin()
+    page = open_page()
+    asked = []
+
+    def break_the_first(route):
+        asked.append(route.request.headers.get("last-event-id"))
+        if len(asked) > 1:
+            route.fallback()
+            return
+        body = 'id: 7-0\ndata: {"status": "running", "stage": "video", "progress": 1, "attempt": 0}\n\nid: 8-0\nda'
+        route.fulfill(body=body, content_type="text/event-stream")
+
+    page.route("**/events", break_the_first)
+    page.locator("#list a").click()
+    expect(page.locator(".stages")).to_contain_text("video")
+    attempt = begin(serving, job_id)
+    serving.records.advance(job_id, attempt, "tracking", 40.0)
+    expect(page.locator(".stages")).to_contain_text("tracking", timeout=4000)
+    assert asked == [None, "7-0"]
+
+
 def test_a_finished_twin_is_read_watched_and_downloaded(open_page, serving, new_twin, twin_files, tmp_path):
     job_id = new_twin()
     serving.finish(job_id, twin_files, tmp_path)
@@ -178,6 +200,34 @@ def test_what_the_service_refuses_is_read(open_page, tmp_path, serving):
         page.get_by_role("button", name="Make the twin").click()
     expect(alert).to_contain_text(response.value.json()["title"])
     assert list(serving.stored()) == []
+
+
+def test_an_upload_that_broke_off_is_sent_again_under_the_same_key(open_page, serving, clip_file):
+    page = open_page()
+    keys = []
+
+    def break_the_first(route):
+        if route.request.method != "POST":
+            route.fallback()
+            return
+        keys.append(route.request.headers["idempotency-key"])
+        if len(keys) == 1:
+            route.abort()
+        else:
+            route.fallback()
+
+    page.route("**/twins", break_the_first)
+    page.locator("#clip").set_input_files(clip_file)
+    button = page.get_by_role("button", name="Make the twin")
+    button.click()
+    expect(page.locator("#new").get_by_role("alert")).to_contain_text("nothing is made twice")
+    button.click()
+    expect(page.locator(".job .badge")).to_have_text("queued")
+    page.locator("#clip").set_input_files(clip_file)
+    with page.expect_response("**/twins"):
+        button.click()
+    assert keys[0] == keys[1] != keys[2]
+    assert len(serving.records.list("default", "twin")[0]) == 1
 
 
 def test_a_read_only_key_is_told_what_it_may_not(open_page, serving, clip_file):
