@@ -93,6 +93,8 @@ def draw_recipe(seed: int, split: Split, index: int, attempt: int = 0) -> Recipe
         for script in SCRIPTS
         if kind in SCRIPTS[script].kinds and all(script in ALL[name].excited_by for name in names)
     ]
+    if category == "actuation":  # what errs must be there
+        fitting = [script for script in fitting if script != "drop"] or ["lift"]
     first = fitting[rng.integers(len(fitting))]
     others = [script for script in fitting if script != first] or [
         s for s in SCRIPTS if kind in SCRIPTS[s].kinds and s != first
