@@ -108,7 +108,8 @@ def test_events_that_break_off_are_resumed(open_page, serving, new_twin):
         if len(asked) > 1:
             route.fallback()
             return
-        body = 'id: 7-0\ndata: {"status": "running", "stage": "video", "progress": 1, "attempt": 0}\n\nid: 8-0\nda'
+        data = '{"status": "running", "stage": "video", "progress": 1, "attempt": 0}'
+        body = f"id: 7-0\ndata: {data}\n\nid: 8-0\nda"
         route.fulfill(body=body, content_type="text/event-stream")
 
     page.route("**/events", break_the_first)
