@@ -82,9 +82,10 @@ def serve(context: click.Context, host: str, port: int, data_dir: Path) -> None:
     """
     if context.invoked_subcommand is not None:
         return
+    data_dir = data_dir.absolute()  # the processes that are started do not all run in this folder
     listener = _listen(host, port)
     address = f"http://{host if ':' not in host else f'[{host}]'}:{listener.getsockname()[1]}"
-    store_url = os.environ.get("STORE_URL") or f"file://{(data_dir / 'store').absolute()}"
+    store_url = os.environ.get("STORE_URL") or (data_dir / "store").as_uri()
     redis_url = os.environ.get("REDIS_URL")
     if redis_url:
         settings = Settings.from_environment(
@@ -100,7 +101,7 @@ def serve(context: click.Context, host: str, port: int, data_dir: Path) -> None:
     log_as_json(settings.log_level)
     companions = Companions(
         redis,
-        {"MATPHYS_GRACE": WORKER_GRACE, "MATPHYS_SCRATCH": str((data_dir / "scratch").absolute())}
+        {"MATPHYS_GRACE": WORKER_GRACE, "MATPHYS_SCRATCH": str(data_dir / "scratch")}
         | os.environ
         | {"REDIS_URL": redis.url, "STORE_URL": store_url},
     )

@@ -183,6 +183,17 @@ def test_children_that_are_killed_are_started_again(start):
     assert answer.status_code == 200
 
 
+def test_a_folder_may_be_named_from_where_one_is(start, redis_url, clip, tmp_path, monkeypatch):
+    (tmp_path / "with space%20").mkdir()
+    monkeypatch.chdir(tmp_path / "with space%20")
+    process = start("--data-dir", "data", REDIS_URL=redis_url)
+    headers = {"Authorization": f"Bearer {process.key}"}
+    assert (
+        httpx.post(f"{process.address}/twins", content=clip, headers=headers, timeout=30).status_code == 202
+    )
+    assert list((tmp_path / "with space%20" / "data" / "store").rglob("video.mp4"))
+
+
 def test_a_front_of_many_starts_no_child_and_is_light(start, redis_url):
     process = start(REDIS_URL=redis_url)
     assert process.key is not None
