@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
+from urllib.parse import quote
 
 import redis
 
@@ -47,7 +48,7 @@ class EmbeddedRedis:
     @property
     def url(self) -> str:
         """What `redis.Redis.from_url` takes; the same from the first start to the last."""
-        return f"unix://{self._socket}"
+        return f"unix://{quote(str(self._socket))}"
 
     @property
     def pid(self) -> int | None:

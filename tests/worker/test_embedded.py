@@ -127,6 +127,14 @@ def test_a_path_too_long_for_a_socket_is_no_obstacle(tmp_path):
         assert get(server.url, "job") == b"accepted"
 
 
+def test_a_folder_may_have_any_name(tmp_path):
+    with EmbeddedRedis(tmp_path / "a b%20#?é") as server:
+        put(server.url, "job", "accepted")
+        assert get(running_address(tmp_path / "a b%20#?é"), "job") == b"accepted"
+    with EmbeddedRedis(tmp_path / "a b%20#?é") as server:
+        assert get(server.url, "job") == b"accepted"
+
+
 def test_others_find_a_server_that_runs_and_none_that_does_not(tmp_path):
     assert running_address(tmp_path) is None
     assert running_address(tmp_path / "nothing") is None
