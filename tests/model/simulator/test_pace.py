@@ -61,6 +61,7 @@ def hands(*reaches):
 OUT_AND_BACK = hands(0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.25, 0.2, 0.15, 0.1, 0.05, 0.0, 0.0, 0.0)
 OUT = OUT_AND_BACK[:7]
 JERK = hands(0.0, 0.3, 0.3)
+SLOWLY = hands(*(0.01 * frame for frame in range(31)))
 
 
 def test_substeps_follow_the_bound(strap):
@@ -97,7 +98,7 @@ def test_too_few_given_are_told_with_the_frame(strap, share):
         pytest.warns(StabilityWarning, match=f"{given} substeps per frame: stability needs") as told,
         suppress(SimulationDiverged),
     ):
-        strap.rollout(controls=0.5 * OUT + 0.5 * OUT[:1], fps=FPS, substeps=given)
+        strap.rollout(controls=SLOWLY, fps=FPS, substeps=given)
     (warning,) = (each.message for each in told)
     assert (warning.frame > 0) == (share > 1.0)
     assert warning.used == given < warning.needed
