@@ -69,7 +69,7 @@ def test_controller_springs_count(system):
 
 
 def test_a_grip_without_length_is_stiff_in_all_directions():
-    """Three hands hold one point where it is: no edge has a direction, yet each pulls all ways once it moves."""
+    """Three hands hold one point where it is: no edge has a direction, yet each soon pulls all ways."""
     system = System(
         points=torch.tensor([[0.0, 0, 0], [0.1, 0, 0]], dtype=torch.float64),
         mass=1.0,
