@@ -70,6 +70,7 @@ class Process:
 class Cluster:
     """What runs."""
 
+    redis_url: str
     key: str
     fronts: Sequence[Process]
     workers: Sequence[Process]
@@ -115,7 +116,7 @@ def cluster(folder: Path, fronts: int, workers: int, *, naps: bool, s3: bool = T
             stack.enter_context(_worker(folder, number, environment, naps)) for number in range(workers)
         ]
         _wait(lambda: len(queues.workers()) == workers, "the workers", running)
-        yield Cluster(key, serving, running, queues, records)
+        yield Cluster(redis.url, key, serving, running, queues, records)
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import hashlib
 import importlib.util
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -12,17 +13,27 @@ import pytest
 
 from model.job_schema import FINAL_STATUSES
 
-LOAD = Path(__file__).parents[2] / "benchmarks/load"
+ROOT = Path(__file__).parents[2]
 JOBS = 24
+
+
+def load(path):
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[path.stem] = module
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="module")
 def cluster_module():
-    spec = importlib.util.spec_from_file_location("cluster", LOAD / "cluster.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["cluster"] = module
-    spec.loader.exec_module(module)
-    return module
+    return load(ROOT / "benchmarks/load/cluster.py")
+
+
+@pytest.fixture(scope="module")
+def worker_alive():
+    """The health check of the workers' containers."""
+    return load(ROOT / "deploy/worker_alive.py").alive
 
 
 def camera(number):
@@ -41,7 +52,7 @@ def wait_for_all(http, ids):
 
 
 @pytest.mark.slow
-def test_fronts_and_workers_share_the_work(cluster_module, tmp_path):
+def test_fronts_and_workers_share_the_work(cluster_module, worker_alive, tmp_path):
     with cluster_module.cluster(tmp_path, fronts=2, workers=3, naps=True) as running:
         headers = {"Authorization": f"Bearer {running.key}"}
         one, other = (httpx.Client(base_url=f.url, headers=headers, timeout=30) for f in running.fronts)
@@ -72,6 +83,12 @@ def test_fronts_and_workers_share_the_work(cluster_module, tmp_path):
             last = other.get(f"/naps/{ids[0]}/events").text.strip().split("\n\n")[-1]
             assert '"succeeded"' in last
             assert one.get("/readyz").json()["checks"]["store"] == "ok"
+            assert worker_alive(running.redis_url, os.uname().nodename.partition(".")[0])
+            assert not worker_alive(running.redis_url, "elsewhere")
             assert not any(front.maps_torch for front in running.fronts)
     for process in (*running.fronts, *running.workers):
         assert process.popen.returncode in (0, -15), process.log.read_text()[-500:]
+
+
+def test_a_worker_whose_redis_is_away_is_not_alive(worker_alive):
+    assert not worker_alive("redis://127.0.0.1:1/0", "here")
