@@ -14,6 +14,8 @@ ACCEPTED: Mapping[str, str] = {
     "mesh": ".glb,.obj,.ply",
     "depth": "image/png,.npy",
     "controllers": ".npz",
+    "observation": ".npz,video/*,.mp4,.mov,.mkv,.webm,.avi",
+    "transfer": ".npz",
 }
 """Which files the browser proposes for an input; others are proposed all. The service checks what it gets."""
 FIRST_FIELDS = ("size_m", "shape", "parts", "box", "keyframe")
