@@ -45,9 +45,7 @@ def test_what_is_too_large_is_refused_by_its_announcement(serving):
     assert answer.startswith(b"HTTP/1.1 413")
 
 
-@pytest.mark.parametrize(
-    "header", ["", "Bearer", "Basic YTpi", "Bearer a b", "bearer x", "Bearer \xff"]
-)
+@pytest.mark.parametrize("header", ["", "Bearer", "Basic YTpi", "Bearer a b", "bearer x", "Bearer \xff"])
 def test_a_header_that_is_no_key_is_refused(serving, header):
     answer = httpx.get(f"{serving.url}/twins", headers={"Authorization": header.encode("latin-1")})
     assert answer.status_code == 401
