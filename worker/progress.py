@@ -66,17 +66,20 @@ class Progress:
     def follow(self, job_id: str, after: str = BEGINNING) -> Iterator[Event | None]:
         """The events after `after` as they come, the final one last; None every two seconds of silence.
 
-        Ends without a final event when the job is deleted meanwhile.
+        Ends without a final event when the job is deleted meanwhile, and when `after` is that event.
         """
         while True:
-            events = self.read(job_id, after) or self._wait(job_id, after)
+            # Asked first: what ends between the two questions is still told.
+            status = self._redis.hget(f"matphys:job:{job_id}", "status")
+            over = status is None or status in FINAL
+            events = self.read(job_id, after) or ([] if over else self._wait(job_id, after))
             for event in events:
                 yield event
                 if event.final:
                     return
                 after = event.id
             if not events:
-                if not self._redis.exists(f"matphys:job:{job_id}"):
+                if over:  # nothing will come: it was deleted, or its end has been seen
                     return
                 yield None
 
@@ -86,7 +89,7 @@ class Progress:
             return
         key = f"matphys:log:{job_id}"
         with self._redis.pipeline() as pipeline:
-            pipeline.rpush(key, *(line[:LINE_LENGTH] for line in lines))
+            pipeline.rpush(key, *(" ".join(line[:LINE_LENGTH].splitlines()) for line in lines))
             pipeline.ltrim(key, -LOG_LINES, -1)
             pipeline.execute()
 
@@ -112,8 +115,10 @@ async def follow(
     key = f"matphys:events:{job_id}"
     while True:
         try:
-            answer = await client.xread({key: after}, block=round(1000 * BLOCK_S), count=100)
-            known = bool(answer) or bool(await client.exists(f"matphys:job:{job_id}"))
+            # Asked first: what ends between the two questions is still told.
+            status = await client.hget(f"matphys:job:{job_id}", "status")
+            wait = None if status is None or status in FINAL else round(1000 * BLOCK_S)
+            answer = await client.xread({key: after}, block=wait, count=100)
         except (redis.exceptions.ConnectionError, redis.exceptions.TimeoutError):
             await asyncio.sleep(0.5)
             yield None
@@ -124,7 +129,7 @@ async def follow(
                 return
             after = event.id
         if not answer:
-            if not known:
+            if wait is None:  # nothing will come: it was deleted, or its end has been seen
                 return
             yield None
 

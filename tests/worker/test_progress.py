@@ -75,6 +75,20 @@ def test_an_event_loop_can_follow_too(redis_server, records, running, monkeypatc
     assert asyncio.run(statuses()) == []
 
 
+def test_who_has_seen_the_end_is_not_kept_waiting(redis_server, records, progress, running):
+    record, attempt = running
+    records.succeed(record.id, attempt, [], {})
+    end = progress.read(record.id)[-1]
+    assert end.final
+
+    async def more() -> list[object]:
+        async with redis.asyncio.Redis.from_url(redis_server.url, decode_responses=True) as client:
+            return [event async for event in follow(client, record.id, end.id)]
+
+    assert asyncio.run(more()) == []
+    assert list(progress.follow(record.id, end.id)) == []
+
+
 def test_events_are_trimmed(records, progress, client, running):
     record, attempt = running
     for step in range(1500):
@@ -91,6 +105,11 @@ def test_logs_keep_the_newest_lines_and_no_endless_ones(progress, client):
     assert lines[0] == "line 6"
     assert lines[-1] == "x" * LINE_LENGTH
     assert progress.read_log("nowhere") == []
+
+
+def test_what_is_logged_stays_on_its_line(progress):
+    progress.log("job", ["a file called a.mp4\r\n2026-11-21T16:00:00Z published", "next"])
+    assert progress.read_log("job") == ["a file called a.mp4 2026-11-21T16:00:00Z published", "next"]
 
 
 def test_a_wait_without_events_takes_its_time(progress, monkeypatch, records, errand):
