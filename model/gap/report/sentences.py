@@ -1,0 +1,85 @@
+"""Where, when and from what source the gap comes, in plain sentences with the numbers first."""
+
+from model.gap.report.wording import added, companions, listed, millimetres, percent, plain
+from model.gap.schema import SOURCE_NAMES, GapReport
+
+MEANINGS = {
+    "perception": "what the camera and the tracking add",
+    "actuation": "the hand was not where it was said to be",
+    "parameters": "gone once the twin's own parameters are refitted",
+    "physics": "effects that the twin does not have",
+    "unexplained": "left after everything that was tried",
+}
+CONCENTRATED = 0.5
+"""Share of the gap whose extent on the object is told."""
+EVERYWHERE = 0.95
+
+
+def sentences(report: GapReport) -> tuple[str, ...]:
+    """What a reader should know after the verdict."""
+    return tuple(
+        text
+        for text in (_tuning(report), _place(report), _time(report), _acting(report), _source(report))
+        if text
+    )
+
+
+def title(report: GapReport) -> str:
+    """The verdict in a few words."""
+    if report.verdict.effect == "none":
+        return "Nothing is missing"
+    if report.verdict.effect == "unknown":
+        return "Something unknown is missing"
+    names = [plain(report.verdict.effect), *(plain(name) for name in companions(report))]
+    missing = listed(names, "or") if report.verdict.second is None else str(added(report))
+    return f"Missing: {missing}"
+
+
+def _tuning(report: GapReport) -> str:
+    gap = report.gap
+    saved = 1.0 - gap.refit / gap.baseline if gap.baseline > 0 else 0.0
+    if saved < 0.02:
+        return f"Refitting the twin's own parameters does not help: {millimetres(gap.refit)} remain."
+    return (
+        f"Refitting the twin's own parameters alone takes {percent(saved)} of the error away"
+        f" ({millimetres(gap.baseline)} to {millimetres(gap.refit)})."
+    )
+
+
+def _place(report: GapReport) -> str:
+    shares = sorted(report.where.points, reverse=True)
+    summed, count = 0.0, 0
+    while summed < CONCENTRATED * sum(shares) and count < len(shares):
+        summed, count = summed + shares[count], count + 1
+    text = f"Half of the gap lies on {percent(count / len(shares))} of the points"
+    if report.where.parts:
+        worst = max(report.where.parts, key=lambda part: part.share)
+        name = f"part {worst.part}" if isinstance(worst.part, int) else f"the part “{worst.part}”"
+        text += f"; {percent(worst.share)} of it on {name}"
+    return f"{text}."
+
+
+def _time(report: GapReport) -> str:
+    if not report.where.phases:
+        return ""
+    worst = max(report.where.phases, key=lambda phase: phase.share)
+    return (
+        f"{percent(worst.share)} of the gap falls into the phase “{plain(worst.name)}”"
+        f" ({worst.start_s:.2f} s to {worst.end_s:.2f} s)."
+    )
+
+
+def _acting(report: GapReport) -> str:
+    name, acts = added(report), report.where.acts_on
+    if name is None or not any(acts):
+        return ""
+    strong = sum(value >= 0.5 for value in acts) / len(acts)
+    if strong >= EVERYWHERE:
+        return f"{name.capitalize()} acts on the whole object."
+    return f"{name.capitalize()} acts mainly on {percent(strong)} of the points."
+
+
+def _source(report: GapReport) -> str:
+    shares = {name: getattr(report.sources, name) for name in SOURCE_NAMES}
+    name = max(shares, key=lambda each: shares[each])
+    return f"{percent(shares[name])} of the gap of the twin as it came is {name}: {MEANINGS[name]}."

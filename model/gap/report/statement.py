@@ -1,0 +1,104 @@
+"""The verdict as one plain sentence."""
+
+from model.gap.report.wording import (
+    added,
+    companions,
+    listed,
+    millimetres,
+    percent,
+    percent_range,
+    plain,
+)
+from model.gap.schema import GapReport
+
+TUNED = 1.2
+"""A twin that came with more times its refitted error was badly tuned, which is worth a word."""
+
+
+def statement(report: GapReport) -> str:
+    """One plain sentence with the numbers: what is missing, how sure that is, how far the gap shrinks."""
+    if report.verdict.effect == "none":
+        return _nothing(report)
+    if report.verdict.effect == "unknown":
+        return _unknown(report)
+    return _cause(report) + _shrinkage(report) + "."
+
+
+def stated(report: GapReport) -> GapReport:
+    """The report, with a statement where it had none."""
+    if report.verdict.statement:
+        return report
+    verdict = report.verdict.model_copy(update={"statement": statement(report)})
+    return report.model_copy(update={"verdict": verdict})
+
+
+def _cause(report: GapReport) -> str:
+    name, sure = added(report), percent(report.verdict.probability)
+    alike = companions(report)
+    if not alike:
+        verb = "are" if report.verdict.second is not None else "is"
+        return f"{str(name).capitalize()} {verb} missing in the twin ({sure} sure)"
+    names = listed((plain(report.verdict.effect), *map(plain, alike)), "or")
+    chances = [report.finding(each).probability for each in (report.verdict.effect, *alike)]
+    together = percent(min(1.0, sum(chances)))
+    beside = "" if report.verdict.second is None else f", beside {plain(report.verdict.second)}"
+    return (
+        f"{names.capitalize()} is missing in the twin ({together} sure){beside}; this recording cannot tell"
+        f" them apart, {plain(report.verdict.effect)} is the likeliest ({sure})"
+    )
+
+
+def _shrinkage(report: GapReport) -> str:
+    gap = report.gap
+    assert gap.with_effect is not None
+    several = companions(report) or report.verdict.second is not None
+    change = "falls" if gap.with_effect < gap.refit else "goes"
+    text = (
+        f": with {added(report) if several else 'it'} the error on held-out time {change} from"
+        f" {millimetres(gap.refit)} after refitting to {millimetres(gap.with_effect)}"
+    )
+    if gap.closed_fraction is None:
+        return (
+            f"{text}; the gap is too small against noise ({millimetres(gap.noise_floor)}) to say what share"
+        )
+    share = f"{percent(gap.closed_fraction)} of the reducible gap"
+    if gap.closed_fraction_ci95 is not None:
+        share += f" (95 % interval {percent_range(gap.closed_fraction_ci95)})"
+    return f"{text}, which closes {share}{_elsewhere(report)}"
+
+
+def _elsewhere(report: GapReport) -> str:
+    other = report.gap.transfer
+    if other is None or other.closed_fraction is None:
+        return ""
+    return f", and {percent(other.closed_fraction)} on the other interaction"
+
+
+def _nothing(report: GapReport) -> str:
+    gap = report.gap
+    tuned = (
+        f"once its own parameters are refitted (it came with {millimetres(gap.baseline)}) "
+        if gap.baseline > TUNED * gap.refit
+        else ""
+    )
+    return (
+        f"Nothing is missing in the twin ({percent(report.verdict.probability)} sure): {tuned}it is off by"
+        f" {millimetres(gap.refit)} on held-out time, and measurement noise alone makes"
+        f" {millimetres(gap.noise_floor)}."
+    )
+
+
+def _unknown(report: GapReport) -> str:
+    gap = report.gap
+    text = (
+        "Something is missing in the twin that the catalogue does not have"
+        f" ({percent(report.verdict.probability)} sure): after refitting it is off by"
+        f" {millimetres(gap.refit)} on held-out time, where noise alone makes {millimetres(gap.noise_floor)}"
+    )
+    if gap.ceiling is not None:
+        text += f" and a free force would leave {millimetres(gap.ceiling)}"
+    tried = {e.name: e.heldout_error_m for e in report.effects if e.heldout_error_m is not None}
+    if tried:
+        name, left = min(tried.items(), key=lambda each: each[1])
+        text += f"; the best known effect, {plain(name)}, leaves {millimetres(left)}"
+    return f"{text}."

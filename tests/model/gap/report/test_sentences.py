@@ -1,0 +1,48 @@
+"""Where, when and from what source."""
+
+from model.gap.report.sentences import sentences, title
+
+
+def test_titles(findings, alike, nothing, unknown):
+    titles = [title(case.report) for case in (findings, alike, nothing, unknown)]
+    assert titles == [
+        "Missing: wind",
+        "Missing: wind or gravity tilt",
+        "Nothing is missing",
+        "Something unknown is missing",
+    ]
+
+
+def test_they_carry_the_numbers_of_the_report(report):
+    told = " ".join(sentences(report))
+    phase = max(report.where.phases, key=lambda each: each.share)
+    assert f"{100 * phase.share:.0f} % of the gap falls into the phase “{phase.name}”" in told
+    assert "on the part “lower half”" in told
+    assert "Wind acts on the whole object." in told
+    assert "58 % of the gap of the twin as it came is physics" in told
+
+
+def test_half_of_an_even_gap_lies_on_half_of_the_points(report):
+    count = len(report.where.points)
+    where = report.where.model_copy(update={"points": (1 / count,) * count, "parts": ()})
+    assert "Half of the gap lies on 50 % of the points." in sentences(
+        report.model_copy(update={"where": where})
+    )
+
+
+def test_an_effect_in_one_place_is_told_so(report):
+    count = len(report.where.points)
+    acts = (1.0,) * (count // 4) + (0.0,) * (count - count // 4)
+    where = report.where.model_copy(update={"acts_on": acts})
+    assert "Wind acts mainly on 25 % of the points." in sentences(report.model_copy(update={"where": where}))
+
+
+def test_without_phases_and_effect_there_is_less_to_say(nothing):
+    where = nothing.report.where.model_copy(update={"phases": ()})
+    told = sentences(nothing.report.model_copy(update={"where": where}))
+    assert not any("phase" in text or "acts" in text for text in told)
+
+
+def test_a_refit_that_does_not_help_is_told(report):
+    gap = report.gap.model_copy(update={"baseline": report.gap.refit})
+    assert "does not help" in sentences(report.model_copy(update={"gap": gap}))[0]
