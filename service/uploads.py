@@ -2,12 +2,12 @@
 
 import asyncio
 import contextlib
+import fcntl
 import hashlib
 import os
 import shutil
-import time
-from collections.abc import AsyncIterator, Mapping, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
+from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
 from email.message import Message
 from io import FileIO
@@ -29,8 +29,6 @@ FORM_OVERHEAD = MEBIBYTE
 LINGER_BYTES = 16 * MEBIBYTE
 LINGER_SECONDS = 2.0
 """How much of a body that is refused is still listened to."""
-STALE_SECONDS = 6 * 3600.0
-"""Whatever an upload left behind that long ago belongs to nobody."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +80,7 @@ class Intake:
         main, boundary = _content_type(request, tuple(limits))
         self._check_room(_declared_length(request, self.max_bytes))
         folder = self.staging / uuid4().hex
-        await run_in_threadpool(folder.mkdir, 0o700, True)
+        lock = await run_in_threadpool(self._claim, folder)
         sink = _Sink(folder, limits)
         try:
             if main is None:
@@ -92,13 +90,31 @@ class Intake:
         finally:
             sink.abandon()
             await run_in_threadpool(shutil.rmtree, folder, True)
+            os.close(lock)
 
     def sweep(self) -> None:
-        """Remove what killed fronts left behind."""
+        """Remove what killed fronts left behind: folders that no living process holds."""
+        with self._gate():
+            for folder in self.staging.iterdir():
+                if folder.is_dir() and (lock := _locked(folder)) is not None:
+                    shutil.rmtree(folder, ignore_errors=True)
+                    os.close(lock)
+
+    def _claim(self, folder: Path) -> int:
+        """Make a folder that is ours for as long as we live or until the descriptor given is closed."""
+        with self._gate():
+            folder.mkdir(mode=0o700)
+            lock = _locked(folder)
+        assert lock is not None
+        return lock
+
+    @contextmanager
+    def _gate(self) -> Iterator[None]:
+        """One at a time, of all fronts here: nobody sweeps a folder before it is locked."""
         self.staging.mkdir(mode=0o700, parents=True, exist_ok=True)
-        for folder in self.staging.iterdir():
-            if time.time() - folder.stat().st_mtime > STALE_SECONDS:
-                shutil.rmtree(folder, ignore_errors=True)
+        with self.staging.with_suffix(".lock").open("a") as gate:
+            fcntl.flock(gate, fcntl.LOCK_EX)
+            yield
 
     def free_bytes(self) -> int:
         """What is free on the disk beyond what must stay free; negative: less than that."""
@@ -236,3 +252,14 @@ def _too_large(what: str, limit: int) -> ProblemError:
     size = f"{limit / MEBIBYTE:g} MiB" if limit >= MEBIBYTE else f"{limit} bytes"
     # The rest of the body will not be read, so the connection is of no more use.
     return ProblemError("too-large", f"{what}: at most {size} are taken", headers={"Connection": "close"})
+
+
+def _locked(folder: Path) -> int | None:
+    """A descriptor that holds a folder until its process ends; None where a living process does."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        return None
+    return descriptor

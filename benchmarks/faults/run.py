@@ -26,7 +26,6 @@ from load import Load
 from redis import RedisError
 from system import System, running
 
-from service.uploads import Intake
 from worker.janitor import sweep
 from worker.progress import Progress
 from worker.record import files_prefix
@@ -255,16 +254,8 @@ def check_files(system: System, table: Table) -> None:
 
 
 def check_leftovers(system: System, table: Table) -> None:
-    """Whether anything runs or lies about after the system has been stopped.
-
-    Uploads that a killed front was taking in are removed by a front that starts, when they are old enough to
-    belong to nobody: here they are made old.
-    """
+    """Whether anything runs or lies about after the system has been stopped."""
     table.problems += [f"still runs: {command}" for command in system.left_over()]
-    staging = system.disk / "front" / "staging"
-    for folder in staging.iterdir():
-        os.utime(folder, (0, 0))
-    Intake(staging, max_bytes=0, min_free_bytes=0, idle_seconds=0).sweep()
     for place in ("scratch", "front/staging"):
         files = [path for path in (system.disk / place).rglob("*") if path.is_file() and path.name != "lock"]
         table.problems += [f"left behind: {path}" for path in files]

@@ -1,14 +1,15 @@
 import asyncio
 import logging
-import os
 import socket
+import subprocess
+import sys
 import time
 from urllib.parse import urlsplit
 
 import pytest
 
 from service.errors import ProblemError
-from service.uploads import STALE_SECONDS, Intake
+from service.uploads import Intake
 
 
 @pytest.fixture
@@ -69,14 +70,27 @@ def test_a_client_that_hangs_up_leaves_nothing_and_is_no_error(serving, caplog):
     assert [(record.levelname, record.status) for record in caplog.records] == [("INFO", 499)]
 
 
-def test_what_a_killed_front_left_is_swept_once_it_is_old(intake):
-    for name, age in (("old", STALE_SECONDS + 60), ("young", 60)):
-        folder = intake.staging / name
-        folder.mkdir(parents=True)
-        (folder / "video").write_bytes(b"x")
-        os.utime(folder, (time.time() - age,) * 2)
+def test_what_a_killed_front_left_is_swept_and_nothing_else(intake):
+    """The kernel lets go of a folder when its process is killed; what is being taken in stays."""
+    hold = (
+        "import sys; from pathlib import Path; from service.uploads import Intake\n"
+        "intake = Intake(Path(sys.argv[1]), 1, 0, 1.0)\n"
+        "intake._claim(intake.staging / 'theirs'); print('held', flush=True); sys.stdin.read()"
+    )
+    other = subprocess.Popen(
+        [sys.executable, "-c", hold, str(intake.staging)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert other.stdout.readline() == "held\n"
+    (intake.staging / "theirs" / "video").write_bytes(b"x")
     intake.sweep()
-    assert [path.name for path in intake.staging.iterdir()] == ["young"]
+    assert (intake.staging / "theirs" / "video").exists()
+    other.kill()
+    other.communicate()
+    intake.sweep()
+    assert list(intake.staging.iterdir()) == []
 
 
 class FakeRequest:
