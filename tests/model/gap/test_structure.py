@@ -1,0 +1,43 @@
+"""Rows and cells of shapes in which they can be counted."""
+
+import numpy as np
+import pytest
+
+from model.gap.structure import cells, rows, spans, turns
+
+
+def test_a_chain_is_one_row():
+    points = np.stack([0.1 * np.arange(5), np.zeros(5), np.zeros(5)], -1)
+    springs = np.stack([np.arange(4), np.arange(1, 5)], -1)
+    triples = rows(points, springs)
+    assert triples.tolist() == [[0, 1, 2], [1, 2, 3], [2, 3, 4]]
+    np.testing.assert_allclose(spans(points, triples), 0.2)
+    np.testing.assert_allclose(turns(points, triples), 0.0, atol=1e-12)
+
+
+def test_a_corner_is_no_row():
+    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0]])
+    assert len(rows(points, np.array([[0, 1], [1, 2]]))) == 0
+
+
+def test_a_bend_turns():
+    angle = np.deg2rad(20.0)
+    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1 + 0.1 * np.cos(angle), 0.1 * np.sin(angle), 0]])
+    triples = rows(points, np.array([[0, 1], [1, 2]]))
+    np.testing.assert_allclose(turns(points, triples), 2 * np.tan(angle / 2))
+
+
+def test_cells_fill_a_block():
+    """A grid of cubes, shaken a little so that no five points lie on a sphere."""
+    grid = np.stack(np.meshgrid(*3 * [np.arange(4)], indexing="ij"), -1).reshape(-1, 3) * 0.1
+    points = grid + np.random.default_rng(0).normal(0, 1e-3, grid.shape)
+    corners, volumes = cells(points, 0.1)
+    assert volumes.sum() == pytest.approx(0.3**3, rel=0.05)
+    sides = points[corners[:, 1:]] - points[corners[:, :1]]
+    np.testing.assert_allclose(np.linalg.det(sides) / 6.0, volumes)
+
+
+def test_what_is_flat_has_no_cells():
+    flat = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2) * 0.1
+    corners, volumes = cells(np.concatenate([flat, np.zeros((16, 1))], 1), 0.1)
+    assert len(corners) == len(volumes) == 0
