@@ -29,11 +29,11 @@ def allowed(scope: Scope) -> Callable[..., ApiKey]:
         front: Annotated[Front, Depends(front_of)],
         credentials: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)],
     ) -> ApiKey:
-        address = request.client.host if request.client else "unknown"
-        front.limits.check("refusal", address)
         key = front.keys.check(credentials.credentials) if credentials else None
         if key is None:
-            front.limits.count("refusal", address)
+            # A good key is heard whatever others send from the same address: behind a proxy all share one,
+            # and nobody guesses 256 bits at any rate.
+            front.limits.count("refusal", request.client.host if request.client else "unknown")
             detail = "this API key is not known" if credentials else "send Authorization: Bearer KEY"
             raise ProblemError("unauthorized", detail, headers={"WWW-Authenticate": "Bearer"})
         request.scope["state"] |= {"key": key.id, "tenant": key.tenant}

@@ -1,9 +1,11 @@
 """The app: routes, errors, what happens around every request."""
 
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Sequence
 from contextlib import asynccontextmanager
 
-from fastapi import FastAPI
+from fastapi import APIRouter, FastAPI
+from fastapi.routing import APIRoute
+from fastapi.sse import EventSourceResponse
 
 from model.version import __version__
 from service import errors, openapi
@@ -46,13 +48,31 @@ def create_app(settings: Settings, children: Sequence[Resource] = ALL_CHILDREN) 
         redirect_slashes=False,
         separate_input_output_schemas=False,
     )
-    app.include_router(twins.router)
-    for child in children:
-        app.include_router(job_routes(child))
-    app.include_router(page_routes(settings, children))
-    app.include_router(webhooks.router)
-    app.include_router(operations.router)
+    routers = (
+        twins.router,
+        *map(job_routes, children),
+        page_routes(settings, children),
+        webhooks.router,
+        operations.router,
+    )
+    for router in (*routers, _heads(routers)):
+        app.include_router(router)
     errors.install(app)
     app.add_middleware(RequestFrame, metrics=metrics)
     app.openapi = lambda: openapi.describe(app)  # type: ignore[method-assign]
     return app
+
+
+def _heads(routers: Iterable[APIRouter]) -> APIRouter:
+    """HEAD wherever the routers have GET (RFC 9110, section 9.1); the server sends no body then.
+
+    Not for streams of events, which would be followed to their end for nobody.
+    """
+    heads = APIRouter(include_in_schema=False)
+    for route in (route for router in routers for route in router.routes):
+        if isinstance(route, APIRoute) and route.methods == {"GET"}:
+            if route.response_class is not EventSourceResponse:
+                heads.add_api_route(
+                    route.path, route.endpoint, methods=["HEAD"], response_class=route.response_class
+                )
+    return heads

@@ -44,17 +44,18 @@ def send_file(request: Request, storage: Storage, file: JobFile) -> Response:
     if _matches(request.headers.get("if-none-match"), tag):
         return Response(status_code=304, headers=headers)
     start, end, status = 0, file.bytes, 200
-    if request.headers.get("if-range", tag) == tag:
+    # RFC 9110, section 14.2: a Range is about GET alone.
+    if request.method == "GET" and request.headers.get("if-range", tag) == tag:
         wanted = _range(request.headers.get("range"), file.bytes)
         if wanted is not None:
             start, end, status = *wanted, 206
             headers["Content-Range"] = f"bytes {start}-{end - 1}/{file.bytes}"
     headers["Content-Length"] = str(end - start)
     media_type = MEDIA_TYPES.get(suffix, OTHER_MEDIA_TYPE)
-    if request.method == "HEAD":
-        return Response(status_code=status, headers=headers, media_type=media_type)
     if storage.size(file.key) != file.bytes:
         raise ProblemError("not-found", f"{file.name} has been deleted")
+    if request.method == "HEAD":
+        return Response(status_code=status, headers=headers, media_type=media_type)
     return StreamingResponse(storage.stream(file.key, start, end), status, headers, media_type)
 
 

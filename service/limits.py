@@ -32,20 +32,8 @@ class RateLimits:
             ProblemError: it was one too many; the answer says when to try again.
         """
         limit = self._amounts[what]
-        if not self._limiter.hit(limit, what, who):
-            self._refuse(what, who)
-
-    def check(self, what: str, who: str) -> None:
-        """Refuse who has reached the limit, without counting.
-
-        Raises:
-            ProblemError: as for `count`.
-        """
-        if not self._limiter.test(self._amounts[what], what, who):
-            self._refuse(what, who)
-
-    def _refuse(self, what: str, who: str) -> None:
-        limit = self._amounts[what]
+        if self._limiter.hit(limit, what, who):
+            return
         wait = self._limiter.get_window_stats(limit, what, who).reset_time - time.time()
         raise ProblemError(
             "too-many-requests",

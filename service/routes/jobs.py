@@ -150,10 +150,6 @@ def _add_reading(router: APIRouter, resource: Resource) -> None:
             raise ProblemError("not-found", f"this {resource.noun} has no such file")
         return send_file(request, front.storage, file)
 
-    router.add_api_route(
-        resource.path + "/{id}/files/{name}", get_file, methods=["HEAD"], include_in_schema=False
-    )
-
 
 def _add_watching(router: APIRouter, resource: Resource) -> None:
     def followed(job_id: JobId, front: FrontNow, key: Reader) -> tuple[str, str]:

@@ -55,7 +55,7 @@ def export(
         return send_file(request, front.storage, made.files[0])
     if made.status in ("queued", "running"):
         job = EXPORTS.job(front, made).model_copy(update={"urls": {"self": str(request.url.path)}})
-        headers = {"Retry-After": str(LOOK_AGAIN_SECONDS)}
+        headers = {"Location": request.url.path, "Retry-After": str(LOOK_AGAIN_SECONDS)}
         return JSONResponse(job.model_dump(mode="json"), 202, headers)
     raise _failure(made)
 

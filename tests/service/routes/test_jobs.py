@@ -209,7 +209,7 @@ def test_errors_of_the_framework_are_problems_too(http):
     problem(http.get("/nothing"), 404)
     wrong_method = http.put("/twins")
     problem(wrong_method, 405)
-    assert set(wrong_method.headers["Allow"].split(", ")) == {"GET", "POST"}
+    assert set(wrong_method.headers["Allow"].split(", ")) == {"GET", "HEAD", "POST"}
     problem(http.get("/twins", params={"limit": 0}), 422)
     problem(http.get("/twins/"), 404)
 

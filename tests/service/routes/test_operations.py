@@ -81,3 +81,15 @@ def test_the_openapi_document_describes_every_route(http):
     properties = document["components"]["schemas"]["Job"]["properties"]
     assert all("examples" in properties[name] for name in ("id", "kind", "stage", "urls", "metrics"))
     assert "Last-Event-ID" in {each["name"] for each in paths["/twins/{id}/events"]["get"]["parameters"]}
+
+
+def test_what_can_be_read_has_a_head(serving, http, clip):
+    twin = http.post("/twins", content=clip, headers={"Content-Type": "video/mp4"}).headers["Location"]
+    public = ("/", "/livez", "/metrics", "/openapi.json")
+    for path in (*public, "/webhook-secret", "/twins", twin, f"{twin}/logs"):
+        answer = http.head(path)
+        assert answer.status_code == http.get(path).status_code == 200, path
+        assert answer.content == b""
+        assert "HEAD" in http.put(path).headers["Allow"], path
+    assert http.head("/twins/nobody").status_code == 404
+    assert http.head(f"{twin}/events").status_code == 405, "nobody follows a stream without a body"

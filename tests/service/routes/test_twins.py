@@ -155,6 +155,7 @@ def test_an_export_is_made_when_asked_for(serving, http, clip, tmp_path):
     assert export["kind"] == "export"
     assert export["parent"] == twin
     assert export["urls"] == {"self": url}
+    assert asked.headers["Location"] == url
     assert http.get(url).json()["id"] == export["id"]
     serving.finish(export["id"], {"twin.ply": b"ply"}, tmp_path)
     made = http.get(url)
