@@ -21,10 +21,13 @@ from standardwebhooks.webhooks import Webhook
 
 CONNECT_S: Final = 5.0
 ANSWER_S: Final = 15.0
-TRANSLATED: Final = tuple(
-    ipaddress.ip_network(text) for text in ("64:ff9b::/96", "64:ff9b:1::/48", "2002::/16", "2001::/32")
+GLOBAL_6: Final = ipaddress.ip_network("2000::/3")
+"""All that is routed on the public internet; most of the rest stands for something private or for IPv4."""
+REFUSED: Final = tuple(
+    map(ipaddress.ip_network, ("2002::/16", "2001::/32", "192.0.0.0/24", "168.63.129.16/32"))
 )
-"""IPv6 addresses behind which an IPv4 address stands, which may be a private one."""
+"""Behind the first two stands an IPv4 address, which may be a private one; behind the others, services that
+clouds offer to their own machines."""
 
 
 class Undelivered(Exception):
@@ -119,4 +122,6 @@ def is_public(address: str) -> bool:
     mapped = getattr(ip, "ipv4_mapped", None)
     if mapped is not None:
         ip = mapped
-    return ip.is_global and not ip.is_multicast and not any(ip in network for network in TRANSLATED)
+    if ip.version == 6 and ip not in GLOBAL_6:
+        return False
+    return ip.is_global and not ip.is_multicast and not any(ip in network for network in REFUSED)
