@@ -21,6 +21,9 @@ TOLERANCE = 1e-3
 
 Share: TypeAlias = Annotated[float, Field(ge=0, le=1)]
 Interval: TypeAlias = tuple[float, float]
+ROUNDING = 0.01
+"""Of the closed fraction, which people round."""
+
 VerdictName: TypeAlias = Literal[EffectName, "none", "unknown"]
 Handler: TypeAlias = Callable[[Any], dict[str, Any]]
 SOURCE_NAMES = ("perception", "actuation", "parameters", "physics", "unexplained")
@@ -103,7 +106,7 @@ class Closure(Record):
         if self.with_effect is None:
             raise ValueError("expected no closed_fraction without with_effect")
         reducible = self.refit - self.noise_floor
-        if abs(self.closed_fraction * reducible - (self.refit - self.with_effect)) > TOLERANCE * self.refit:
+        if abs(self.closed_fraction * reducible - (self.refit - self.with_effect)) > ROUNDING * self.refit:
             raise ValueError("expected closed_fraction = (refit - with_effect) / (refit - noise_floor)")
         return self
 

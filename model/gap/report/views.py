@@ -87,12 +87,19 @@ def join(
     axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=width, zorder=1))
 
 
-def bare(axes: Axes, centre: Float[Array, "2"], half: Float[Array, "2"]) -> None:
-    """Show this part of the picture, one to one, without axes; below it stays room for a scale."""
+def bare(axes: Axes, centre: Float[Array, "2"], half: Float[Array, "2"], foot: float = FOOT) -> None:
+    """Show this part of the picture, one to one, without axes; below it stays room for a scale.
+
+    Args:
+        axes: To draw on.
+        centre: Middle of the part [m].
+        half: Half of its width and height [m].
+        foot: The room below, in half heights.
+    """
     half = np.maximum(half, SMALLEST)
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlim(centre[0] - half[0], centre[0] + half[0])
-    axes.set_ylim(centre[1] - (1.0 + FOOT) * half[1], centre[1] + half[1])
+    axes.set_ylim(centre[1] - (1.0 + foot) * half[1], centre[1] + half[1])
     axes.set_xticks([])
     axes.set_yticks([])
     for spine in axes.spines.values():

@@ -41,7 +41,7 @@ def content():
             "with_effect": 0.0031,
             "noise_floor": 0.0012,
             "ceiling": 0.0027,
-            "closed_fraction": (0.014 - 0.0031) / (0.014 - 0.0012),
+            "closed_fraction": 0.85,
             "closed_fraction_ci95": [0.81, 0.88],
             "heldout": [[2.0, 3.0]],
         },

@@ -88,7 +88,7 @@ def _bracket(axes: Axes, bars: Sequence[Bar]) -> None:
     if not members:
         return
     low, high = -0.3, max(members) + 0.3
-    x = max(bar.probability for bar in bars[: max(members) + 1]) + 0.14
+    x = max(bar.probability for bar in bars[: max(members) + 1]) + 0.17
     axes.plot([x - 0.015, x, x, x - 0.015], [low, low, high, high], color=INK, linewidth=1.2, zorder=3)
     axes.text(
         x + 0.02,

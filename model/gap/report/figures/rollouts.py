@@ -1,5 +1,7 @@
 """The twin without and with the effect beside the observation, at moments that are evenly spread."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -9,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from model.gap.report.findings import Findings
 from model.gap.report.style import EFFECT, INK, LARGE, NORMAL, OBSERVED, REFIT, SMALL, new_figure
-from model.gap.report.views import SMALLEST, View, bare, join, neighbours, scale_bar, two_views
+from model.gap.report.views import FOOT, SMALLEST, View, bare, join, neighbours, scale_bar, two_views
 from model.gap.report.wording import REFITTED, millimetres, with_effect
 from model.types import Array
 
@@ -18,27 +20,44 @@ FARTHEST = 1.5
 """From the centre of the observation, in sizes of what it covers; what is farther is not shown."""
 
 
+@dataclass(frozen=True)
+class Twin:
+    """One rollout to compare with the observation."""
+
+    name: str
+    rollout: Float[Array, "T N 3"]
+    """[m]."""
+    colour: str
+
+
 def draw(findings: Findings) -> Figure:
-    """A row for each moment, a column for each twin; all at one scale."""
-    twins = [(REFITTED, findings.before, REFIT)]
+    """Moments down, twins across; of a single twin two moments in each row. All at one scale."""
+    twins = [Twin(REFITTED, findings.before, REFIT)]
     if findings.after is not None:
-        twins.append((with_effect(findings.report), findings.after, EFFECT))
+        twins.append(Twin(with_effect(findings.report), findings.after, EFFECT))
     frames = moments(findings)
+    alone = len(twins) == 1
+    rows = [frames[i : i + 2] for i in range(0, len(frames), 2)] if alone else [[frame] for frame in frames]
     view = two_views(_seen(findings.observed))[0]
     half = _half(findings, view, frames)
-    height = 0.8 + len(frames) * min(max(2.45 * half[1] / half[0], 1.0), 1.9)
-    figure = new_figure(height)
-    panels = figure.subplots(len(frames), len(twins), squeeze=False)
-    for row, frame in zip(panels, frames, strict=True):
-        for axes, (_, rollout, colour) in zip(row, twins, strict=True):
-            _moment(axes, findings, view, frame, rollout[frame], colour)
-            bare(axes, _centre(findings, view, frame), half)
-        row[0].set_ylabel(
-            _label(findings, frame), fontsize=NORMAL, color=INK, rotation=0, labelpad=26, va="center"
-        )
-    for axes, (name, _, colour) in zip(panels[0], twins, strict=True):
-        axes.set_title(name, fontsize=LARGE, color=colour, fontweight="bold", pad=18)
-    scale_bar(panels[-1][0])
+    height = min(max(2.45 * half[1] / half[0], 1.0), 1.9)
+    figure = new_figure(0.9 + len(rows) * height)
+    feet = [0.0] * (len(rows) - 1) + [FOOT]
+    grid = figure.subplots(len(rows), 2, squeeze=False, height_ratios=[2.0 + foot for foot in feet])
+    for panels, moment, foot in zip(grid, rows, feet, strict=True):
+        cells = [(frame, twin) for frame in moment for twin in twins]
+        for axes, (frame, twin) in zip(panels, cells, strict=False):
+            _moment(axes, findings, view, frame, twin)
+            bare(axes, _centre(findings, view, frame), half, foot)
+            if alone or axes is panels[0]:
+                axes.set_ylabel(
+                    _label(findings, frame), fontsize=NORMAL, color=INK, rotation=0, labelpad=26, va="center"
+                )
+        for axes in panels[len(cells) :]:
+            axes.set_axis_off()
+    for axes, twin in zip(grid[0], twins, strict=False):
+        axes.set_title(twin.name, fontsize=LARGE, color=twin.colour, fontweight="bold", pad=18)
+    scale_bar(grid[-1][0])
     figure.legend(handles=_key(), loc="outside lower right", ncols=2, frameon=False, fontsize=SMALL)
     return figure
 
@@ -56,18 +75,17 @@ def moments(findings: Findings) -> list[int]:
     return chosen
 
 
-def _moment(
-    axes: Axes, findings: Findings, view: View, frame: int, model: Float[Array, "N 3"], colour: str
-) -> None:
+def _moment(axes: Axes, findings: Findings, view: View, frame: int, twin: Twin) -> None:
     """Observation dark, twin in colour, and a line for what lies between them."""
-    seen, twin = view(findings.observed[frame].astype(np.float64)), view(model.astype(np.float64))
-    join(axes, twin, neighbours(findings.rest), colour=f"{colour}40", width=0.7)
-    apart = np.stack([seen, twin], 1)
+    colour, model = twin.colour, twin.rollout[frame]
+    seen, rings = view(findings.observed[frame].astype(np.float64)), view(model.astype(np.float64))
+    join(axes, rings, neighbours(findings.rest), colour=f"{colour}40", width=0.7)
+    apart = np.stack([seen, rings], 1)
     apart = apart[np.isfinite(apart).all((1, 2))]
     axes.add_collection(LineCollection(list(apart), colors=f"{colour}90", linewidths=0.7, zorder=2))
-    size = float(np.clip(2400.0 / len(twin), 3.0, 22.0))
+    size = float(np.clip(2400.0 / len(rings), 3.0, 22.0))
     axes.scatter(
-        twin[:, 0], twin[:, 1], s=size, facecolors="white", edgecolors=colour, linewidths=0.9, zorder=3
+        rings[:, 0], rings[:, 1], s=size, facecolors="white", edgecolors=colour, linewidths=0.9, zorder=3
     )
     axes.scatter(seen[:, 0], seen[:, 1], s=0.3 * size, color=OBSERVED, linewidths=0, zorder=4)
     distance = np.linalg.norm(findings.observed[frame] - model, axis=-1)
@@ -121,4 +139,4 @@ def _half(findings: Findings, view: View, frames: list[int]) -> Float[Array, "2"
         away = np.abs(view(_seen(np.stack(clouds))) - _centre(findings, view, frame))
         reach.append(np.quantile(away, 0.995, axis=0))
     most = np.minimum(np.max(reach, axis=0), limit)  # a twin that flew away leaves the panel
-    return np.asarray(np.maximum(np.maximum(1.12 * most, 0.35 * most.max()), SMALLEST))
+    return np.asarray(np.maximum(np.maximum(1.06 * most, 0.35 * most.max()), SMALLEST))

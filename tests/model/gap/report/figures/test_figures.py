@@ -164,3 +164,11 @@ def test_a_twin_that_flew_away_leaves_the_panel(findings):
     after = findings.after + 1e3
     panel = rollouts.draw(replace(findings, after=after)).axes[0]
     assert np.ptp(panel.get_xlim()) < 5 * np.ptp(findings.rest, axis=0).max()
+
+
+@pytest.mark.parametrize("case", ["findings", "unknown"])
+def test_all_moments_are_shown_at_one_scale(case, request):
+    figure = rollouts.draw(request.getfixturevalue(case))
+    figure.draw_without_rendering()
+    scales = [np.ptp(axes.get_xlim()) / axes.get_window_extent().width for axes in figure.axes]
+    assert scales == pytest.approx([scales[0]] * len(scales), rel=0.01)
