@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
 JobStatus: TypeAlias = Literal["queued", "running", "succeeded", "failed", "canceled"]
 FINAL_STATUSES: tuple[JobStatus, ...] = ("succeeded", "failed", "canceled")
 BOX_PATTERN = r"^[0-9]{1,5},[0-9]{1,5},[1-9][0-9]{0,4},[1-9][0-9]{0,4}$"
-EXAMPLE_ID = "twn_8x1m4kq0v7wz3c5r9t2b6n"
+EXAMPLE_ID = "0660cb83a5e29d2dd5916253e89dc2c4"
 
 
 def _four_numbers(value: object) -> object:
@@ -99,7 +99,7 @@ class Answer(BaseModel):
 class JobError(Answer):
     """Why a job failed."""
 
-    type: Annotated[str, Field(examples=["/problems/bad-input"])]
+    type: Annotated[str, Field(examples=["urn:matphys:problem:bad-input"])]
     title: Annotated[str, Field(examples=["The input cannot be used"])]
     detail: Annotated[
         str | None, Field(examples=["clip.mp4: breaks off after frame 12 of 90; copy it again"])
@@ -173,7 +173,7 @@ class WebhookSecret(Answer):
 class Problem(Answer):
     """An error (RFC 9457)."""
 
-    type: Annotated[str, Field(examples=["/problems/not-found"])]
+    type: Annotated[str, Field(examples=["urn:matphys:problem:not-found"])]
     title: Annotated[str, Field(examples=["Not found"])]
     status: Annotated[int, Field(ge=400, le=599, examples=[404])]
     detail: Annotated[str | None, Field(examples=["there is no such twin"])] = None

@@ -100,7 +100,10 @@ class Submission:
         values: dict[str, JsonValue] = options.model_dump(mode="json", exclude={"webhook"})
         webhook = getattr(options, "webhook", None)
         parent = None if self.parent is None else self.parent.id
-        content = [kind.name, parent, values, dict(sorted(hashes.items())), webhook, __version__]
+        # What was chosen, without what was not: an upgrade that brings another option changes no request.
+        chosen_only = options.model_dump(mode="json", exclude_defaults=True)
+        content = [kind.name, parent, chosen_only, dict(sorted(hashes.items()))]
+        request_hash = hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
         return JobRecord(
             id=new_id(),
             kind=kind.name,
@@ -110,7 +113,7 @@ class Submission:
             options=values,
             webhook=webhook,
             keep_s=front.settings.retention_hours * 3600,
-            digest=hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest(),
+            digest=f"{request_hash}-{__version__}",
         )
 
     def accept(

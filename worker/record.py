@@ -71,7 +71,7 @@ class JobRecord(BaseModel):
     """Name of the input → key in the store."""
     files: tuple[JobFile, ...] = ()
     digest: str = ""
-    """Content hash of inputs, options and software; "": not to be found again."""
+    """Hash of the request (inputs and options), a dash, and the software; "": not to be found again."""
 
     @property
     def final(self) -> bool:

@@ -180,11 +180,12 @@ class Records:
 
         Raises:
             Fenced: this attempt has lost the job; its files are to be deleted.
+            ValueError: a metric is not finite, which JSON cannot tell anybody.
         """
         stage, seconds = ended or ("", 0.0)
         named = json.dumps([file.model_dump() for file in files])
         answer = self._run.settled(
-            "succeed", job_id, attempt, named, json.dumps(dict(metrics)), stage, seconds
+            "succeed", job_id, attempt, named, json.dumps(dict(metrics), allow_nan=False), stage, seconds
         )
         self._held(answer)
 

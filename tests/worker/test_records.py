@@ -58,6 +58,22 @@ def test_the_same_key_gives_the_same_job_and_other_content_under_it_is_refused(r
     assert records.create(errand("b", digest="two"), "key")[1], "another tenant's keys are its own"
 
 
+def test_a_key_holds_across_an_upgrade_and_content_alone_does_not(records, errand):
+    first = errand(digest="request-1.0")
+    records.create(first, "key")
+    assert records.create(errand(digest="request-2.0"), "key")[0].id == first.id
+    assert records.create(errand(digest="request-2.0"))[1], "new software makes it anew"
+
+
+def test_a_metric_that_json_cannot_tell_is_not_published(records, errand):
+    record = errand()
+    records.create(record)
+    attempt = begin(records, record)
+    with pytest.raises(ValueError, match="JSON"):
+        records.succeed(record.id, attempt, [], {"iou": float("nan")})
+    assert records.get(record.id).status == "running"
+
+
 def test_the_same_content_gives_the_same_job_until_it_failed(records, errand):
     first = errand(digest="content")
     records.create(first)

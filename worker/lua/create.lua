@@ -8,7 +8,8 @@ if key ~= '' then
   if seen then
     local seen_id, seen_digest = string.match(seen, '^(%S+) (%S*)$')
     if redis.call('EXISTS', job(seen_id)) == 1 then
-      if seen_digest ~= digest then return {'conflict', seen_id} end
+      -- The request, without the software after the dash: a key holds across an upgrade, content is made anew.
+      if string.match(seen_digest, '^[^-]*') ~= string.match(digest, '^[^-]*') then return {'conflict', seen_id} end
       return {'known', seen_id}
     end
   end

@@ -3,6 +3,8 @@ import time
 
 import pytest
 
+from service import submission
+
 
 def submit(http, clip, **kwargs):
     answer = http.post(
@@ -70,6 +72,14 @@ def test_an_idempotency_key_gives_the_same_twin_and_refuses_another(serving, htt
     assert refused.status_code == 422
     assert refused.json()["type"].endswith(":key-reused")
     assert len(serving.stored()) == 1
+
+
+def test_an_idempotency_key_outlives_an_upgrade(serving, http, clip, monkeypatch):
+    headers = {"Idempotency-Key": "clip-1"}
+    first = submit(http, clip, headers=headers).json()
+    monkeypatch.setattr(submission, "__version__", "999.0")
+    assert submit(http, clip, headers=headers).json()["id"] == first["id"]
+    assert submit(http, clip).json()["id"] != first["id"], "content alone is made anew by new software"
 
 
 @pytest.mark.parametrize(
