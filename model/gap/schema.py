@@ -18,12 +18,11 @@ SCHEMA: Literal["matphys.gap/1"] = "matphys.gap/1"
 EFFECT_NAMES: tuple[EffectName, ...] = get_args(EffectName)
 TOLERANCE = 1e-3
 """Of a sum of shares or probabilities, and of figures that have to agree."""
-
-Share: TypeAlias = Annotated[float, Field(ge=0, le=1)]
-Interval: TypeAlias = tuple[float, float]
 ROUNDING = 0.01
 """Of the closed fraction, which people round."""
 
+Share: TypeAlias = Annotated[float, Field(ge=0, le=1)]
+Interval: TypeAlias = tuple[float, float]
 VerdictName: TypeAlias = Literal[EffectName, "none", "unknown"]
 Handler: TypeAlias = Callable[[Any], dict[str, Any]]
 SOURCE_NAMES = ("perception", "actuation", "parameters", "physics", "unexplained")

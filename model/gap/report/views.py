@@ -78,6 +78,18 @@ def neighbours(points: Float[Array, "N 3"]) -> Array:
     return pairs
 
 
+def spread_out(points: Float[Array, "N 3"], count: int) -> Array:
+    """Indices [≤ count] of points that cover the cloud evenly: each the farthest from those before it."""
+    if len(points) <= count:
+        return np.arange(len(points))
+    chosen = [int(np.linalg.norm(points - points.mean(0), axis=1).argmax())]
+    nearest = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(nearest.argmax()))
+    return np.sort(np.array(chosen))
+
+
 def join(
     axes: Axes, places: Float[Array, "N 2"], pairs: Array, colour: str = FAINT, width: float = 0.8
 ) -> None:

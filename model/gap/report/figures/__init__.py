@@ -52,7 +52,8 @@ ALL_DRAWINGS = (
         "rollouts.png",
         "Beside the observation",
         "What was observed as dots, the twin as rings, and lines between those that belong together."
-        " The moments are the middles of four equal parts of the recording.",
+        " At most 250 points are shown, spread evenly; the moments are the middles of four equal parts of the"
+        " recording.",
         rollouts.draw,
     ),
 )

@@ -11,11 +11,23 @@ from matplotlib.lines import Line2D
 
 from model.gap.report.findings import Findings
 from model.gap.report.style import EFFECT, INK, LARGE, NORMAL, OBSERVED, REFIT, SMALL, new_figure
-from model.gap.report.views import FOOT, SMALLEST, View, bare, join, neighbours, scale_bar, two_views
+from model.gap.report.views import (
+    FOOT,
+    SMALLEST,
+    View,
+    bare,
+    join,
+    neighbours,
+    scale_bar,
+    spread_out,
+    two_views,
+)
 from model.gap.report.wording import REFITTED, millimetres, with_effect
 from model.types import Array
 
 MOMENTS = 4
+SHOWN = 250
+"""Points; more would hide each other."""
 FARTHEST = 1.5
 """From the centre of the observation, in sizes of what it covers; what is farther is not shown."""
 
@@ -78,8 +90,10 @@ def moments(findings: Findings) -> list[int]:
 def _moment(axes: Axes, findings: Findings, view: View, frame: int, twin: Twin) -> None:
     """Observation dark, twin in colour, and a line for what lies between them."""
     colour, model = twin.colour, twin.rollout[frame]
-    seen, rings = view(findings.observed[frame].astype(np.float64)), view(model.astype(np.float64))
-    join(axes, rings, neighbours(findings.rest), colour=f"{colour}40", width=0.7)
+    shown = spread_out(findings.rest, SHOWN)
+    seen = view(findings.observed[frame, shown].astype(np.float64))
+    rings = view(model[shown].astype(np.float64))
+    join(axes, rings, neighbours(findings.rest[shown]), colour=f"{colour}40", width=0.7)
     apart = np.stack([seen, rings], 1)
     apart = apart[np.isfinite(apart).all((1, 2))]
     axes.add_collection(LineCollection(list(apart), colors=f"{colour}90", linewidths=0.7, zorder=2))

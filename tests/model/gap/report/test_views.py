@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from model.gap.report.views import View, bare, neighbours, scale_bar, two_views
+from model.gap.report.views import View, bare, neighbours, scale_bar, spread_out, two_views
 
 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (1.0, 0.3), (-2.0, 0.9)])
@@ -45,6 +45,15 @@ def test_neighbours_of_a_grid_are_its_edges(findings):
     length = np.linalg.norm(np.diff(findings.rest[pairs], axis=1)[:, 0], axis=-1)
     assert np.allclose(length, 0.03)
     assert len(pairs) == 10 * 11 + 9 * 12
+
+
+def test_the_points_that_are_chosen_cover_the_object(findings):
+    shuffled = np.random.default_rng(0).permutation(findings.rest)
+    chosen = shuffled[spread_out(shuffled, 30)]
+    assert len(np.unique(chosen, axis=0)) == 30
+    apart = np.linalg.norm(findings.rest[:, None] - chosen[None], axis=-1)
+    assert apart.min(1).max() < 2.5 * 0.03
+    assert list(spread_out(shuffled, 500)) == list(range(len(shuffled)))
 
 
 def test_a_single_point_has_no_neighbours():
