@@ -9,6 +9,12 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue
 JobStatus: TypeAlias = Literal["queued", "running", "succeeded", "failed", "canceled"]
 FINAL_STATUSES: tuple[JobStatus, ...] = ("succeeded", "failed", "canceled")
 BOX_PATTERN = r"^[0-9]{1,5},[0-9]{1,5},[1-9][0-9]{0,4},[1-9][0-9]{0,4}$"
+_LABEL = "[A-Za-z0-9_-]{1,63}"
+_PORT = "(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5][0-9]{4}|[1-9][0-9]{0,3})"
+WEBHOOK_PATTERN = (
+    rf"^https?://({_LABEL}(\.{_LABEL}){{0,9}}|\[[0-9A-Fa-f:.]{{2,45}}\])(:{_PORT})?([/?][!-~]*)?$"
+)
+"""An address that can be posted to, without a user and a password."""
 EXAMPLE_ID = "0660cb83a5e29d2dd5916253e89dc2c4"
 
 
@@ -42,7 +48,7 @@ class JobRequest(BaseModel):
         str | None,
         Field(
             max_length=2000,
-            pattern=r"^https?://[!-~]+$",
+            pattern=WEBHOOK_PATTERN,
             description="Told by a signed POST (Standard Webhooks) when the job has ended.",
             examples=["https://example.org/hooks/matphys"],
         ),

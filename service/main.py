@@ -19,6 +19,7 @@ from model.version import __version__
 from service.app import create_app
 from service.auth import ApiKeys
 from service.companions import Companions
+from service.connections import PromptProtocol
 from service.keys import keys
 from service.logs import log_as_json
 from service.settings import DATA_DIR, Settings
@@ -129,6 +130,8 @@ def _serve(settings: Settings, listener: socket.socket, address: str, companions
     app = create_app(settings)
     config = uvicorn.Config(
         app,
+        http=PromptProtocol,
+        ws="none",
         log_config=None,
         access_log=False,
         server_header=False,

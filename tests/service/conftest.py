@@ -13,6 +13,7 @@ import uvicorn
 
 from service.app import create_app
 from service.auth import SCOPES, ApiKeys
+from service.connections import PromptProtocol
 from service.settings import Settings
 from worker.embedded import EmbeddedRedis
 from worker.queues import connect
@@ -81,7 +82,9 @@ def front_settings(redis_url: str, data: Path, **changes) -> Settings:
 def running_front(settings: Settings, children=()) -> Iterator[Serving]:
     with connect(settings.redis_url) as client, socket.create_server(("127.0.0.1", 0)) as listener:
         app = create_app(settings, children)
-        config = uvicorn.Config(app, log_config=None, access_log=False, timeout_graceful_shutdown=3)
+        config = uvicorn.Config(
+            app, http=PromptProtocol, log_config=None, access_log=False, timeout_graceful_shutdown=3
+        )
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
         thread.start()

@@ -18,7 +18,7 @@ def real(serving):
 
 
 @pytest.fixture
-def film(tmp_path, clip):
+def clip_file(tmp_path, clip):
     path = tmp_path / "clip.mp4"
     path.write_bytes(clip)
     return path
@@ -30,12 +30,12 @@ def later(seconds, work):
     return thread
 
 
-def test_a_twin_from_the_clip_to_the_export(real, serving, film, tmp_path):
-    twin = real.submit(film, TwinRequest(size_m=0.25, box=(1, 2, 30, 40)))
+def test_a_twin_from_the_clip_to_the_export(real, serving, clip_file, tmp_path):
+    twin = real.submit(clip_file, TwinRequest(size_m=0.25, box=(1, 2, 30, 40)))
     assert twin.job.status == "queued"
     assert twin.job.options["size_m"] == 0.25
     assert twin.job.options["box"] == [1, 2, 30, 40]
-    assert real.submit(film, TwinRequest(size_m=0.25, box=(1, 2, 30, 40))).id == twin.id
+    assert real.submit(clip_file, TwinRequest(size_m=0.25, box=(1, 2, 30, 40))).id == twin.id
     seen = []
     worker = later(0.3, lambda: serving.finish(twin.id, FILES, tmp_path))
     job = twin.wait(lambda job: seen.append((job.status, job.stage)), timeout_s=30)
@@ -61,8 +61,8 @@ def test_a_twin_from_the_clip_to_the_export(real, serving, film, tmp_path):
     assert list(real.twins()) == []
 
 
-def test_why_a_twin_failed_is_an_error(real, serving, film):
-    twin = real.submit(film)
+def test_why_a_twin_failed_is_an_error(real, serving, clip_file):
+    twin = real.submit(clip_file)
     attempt = serving.records.begin(twin.id, "token", "worker")
     error = JobError(type="bad-input", title="The input cannot be used", detail="nothing moves")
     serving.records.fail(twin.id, attempt, error)
@@ -72,47 +72,47 @@ def test_why_a_twin_failed_is_an_error(real, serving, film):
     assert raised.value.job_id == twin.id
 
 
-def test_a_canceled_twin_ends_the_wait(real, film):
-    twin = real.submit(film)
+def test_a_canceled_twin_ends_the_wait(real, clip_file):
+    twin = real.submit(clip_file)
     canceling = later(0.3, real.twin(twin.id).cancel)
     with pytest.raises(ServiceError, match="canceled"):
         twin.wait(timeout_s=30)
     canceling.join()
 
 
-def test_refusals_carry_what_the_service_said(real, serving, tmp_path, film):
+def test_refusals_carry_what_the_service_said(real, serving, tmp_path, clip_file):
     broken = tmp_path / "broken.mp4"
-    broken.write_bytes(b"no film")
+    broken.write_bytes(b"no picture")
     with pytest.raises(ServiceError) as raised:
         real.submit(broken)
     assert raised.value.status == 415
     assert raised.value.instance.startswith("urn:uuid:")
     with pytest.raises(ServiceError, match="mask"):
-        real.submit(film, files={"mask": broken})
+        real.submit(clip_file, files={"mask": broken})
     with pytest.raises(ServiceError, match="not done yet") as raised:
-        real.submit(film).export("ply", tmp_path / "x")
+        real.submit(clip_file).export("ply", tmp_path / "x")
     assert raised.value.status == 409
     with Client(serving.url, "mp_nonsense") as stranger, pytest.raises(ServiceError) as raised:
         stranger.twin("0" * 32)
     assert raised.value.status == 401
 
 
-def test_a_key_used_for_other_content_is_refused(real, film, tmp_path, clip):
+def test_a_key_used_for_other_content_is_refused(real, clip_file, tmp_path, clip):
     other = tmp_path / "other.mp4"
     other.write_bytes(clip + b"\0\0\0\x08free")
-    real.submit(film, idempotency_key="mine")
-    assert real.submit(film, idempotency_key="mine").job.status == "queued"
+    real.submit(clip_file, idempotency_key="mine")
+    assert real.submit(clip_file, idempotency_key="mine").job.status == "queued"
     with pytest.raises(ServiceError, match="Idempotency-Key"):
         real.submit(other, idempotency_key="mine")
 
 
-def test_what_is_too_many_is_waited_for(serve, film, tmp_path, clip):
+def test_what_is_too_many_is_waited_for(serve, clip_file, tmp_path, clip):
     serving = serve(max_jobs_per_tenant=1)
     key = serving.keys.create("me", "default", ("submit", "read"))[1]
     other = tmp_path / "other.mp4"
     other.write_bytes(clip + b"\0\0\0\x08free")
     with Client(serving.url, key, patience_s=5) as client:
-        client.submit(film)
+        client.submit(clip_file)
         started = time.monotonic()
         with pytest.raises(ServiceError) as raised:
             client.submit(other)

@@ -91,6 +91,9 @@ def test_an_idempotency_key_outlives_an_upgrade(serving, http, clip, monkeypatch
         ("box=1,2,3", "box"),
         ("surprise=1", "surprise"),
         ("webhook=ftp://example.org", "webhook"),
+        ("webhook=http://[/hook", "webhook"),
+        ("webhook=http://example.org:99999/", "webhook"),
+        ("webhook=https://user:word@example.org/", "webhook"),
         ("shape=cube", "shape"),
     ],
 )
