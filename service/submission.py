@@ -187,4 +187,5 @@ def check_parent(parent: JobRecord, noun: str) -> None:
     if parent.status in ("queued", "running"):
         raise ProblemError("conflict", f"the {noun} is not done yet: wait for it", retry_after=5)
     if parent.status != "succeeded":
-        raise ProblemError("conflict", f"the {noun} has {parent.status}: there is nothing to work on")
+        ended = "was canceled" if parent.status == "canceled" else "has failed"
+        raise ProblemError("conflict", f"the {noun} {ended}: there is nothing to work on")

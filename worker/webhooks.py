@@ -21,6 +21,8 @@ from standardwebhooks.webhooks import Webhook
 
 CONNECT_S: Final = 5.0
 ANSWER_S: Final = 15.0
+MOST_ADDRESSES: Final = 2
+"""Of one name that are tried: a long list of silent ones must not hold a worker."""
 GLOBAL_6: Final = ipaddress.ip_network("2000::/3")
 """All that is routed on the public internet; most of the rest stands for something private or for IPv4."""
 REFUSED: Final = tuple(
@@ -102,7 +104,7 @@ class PublicOnly(httpcore.SyncBackend):
         if not addresses or not all(map(is_public, addresses)):
             raise httpcore.ConnectError("not a public address")
         problem: Exception = httpcore.ConnectError("no address")
-        for address in addresses:
+        for address in addresses[:MOST_ADDRESSES]:
             try:
                 return super().connect_tcp(address, port, timeout, local_address, socket_options)
             except (httpcore.ConnectError, httpcore.ConnectTimeout) as error:

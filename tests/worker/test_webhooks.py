@@ -107,6 +107,21 @@ def test_the_address_that_counts_is_the_one_connected_to(receiver, client, monke
     assert (asked, connected) == (["rebinding.example"], ["93.184.215.14"])
 
 
+def test_a_name_with_many_silent_addresses_is_given_up(monkeypatch):
+    entries = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (f"93.184.215.{n}", 80)) for n in range(1, 30)]
+    connected = []
+
+    def connect(address, *arguments, **options):
+        connected.append(address[0])
+        raise TimeoutError
+
+    monkeypatch.setattr(socket, "getaddrinfo", lambda *a, **k: entries)
+    monkeypatch.setattr(socket, "create_connection", connect)
+    with pytest.raises(Undelivered):
+        deliver("http://many.example/", "m", datetime.now(UTC), b"{}", "whsec_YQ==")
+    assert connected == ["93.184.215.1", "93.184.215.2"]
+
+
 def test_one_private_address_among_public_ones_is_enough_to_refuse(monkeypatch):
     entries = [
         (socket.AF_INET, socket.SOCK_STREAM, 6, "", (address, 80))

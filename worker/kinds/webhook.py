@@ -24,7 +24,7 @@ class WebhookKind(Kind):
     name: ClassVar[str] = "webhook"
     queue: ClassVar[str] = "webhooks"
     options: ClassVar[type[BaseModel]] = NoOptions
-    limit_s: ClassVar[float] = 60.0
+    limit_s: ClassVar[float] = 30.0  # twice the patience of `worker.webhooks`: a receiver that drips is cut
     memory_bytes: ClassVar[int] = GIBIBYTE
 
     def run(self, run: Run) -> Outcome:
