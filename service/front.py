@@ -22,6 +22,8 @@ from worker.storage import Storage
 
 PATIENCE_SECONDS = 2.0
 """How long a request waits for a Redis that is away before it is told to come back."""
+STREAM_SECONDS = 10.0
+"""After which a Redis that does not answer a stream of events is asked anew; it owes one every 2 s."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,12 @@ class Front:
         return cls(
             settings=settings,
             redis=client,
-            async_redis=AsyncRedis.from_url(settings.redis_url, decode_responses=True),
+            async_redis=AsyncRedis.from_url(
+                settings.redis_url,
+                decode_responses=True,
+                socket_timeout=STREAM_SECONDS,
+                socket_connect_timeout=PATIENCE_SECONDS,
+            ),
             keys=ApiKeys(client),
             limits=RateLimits(client, settings),
             records=records,

@@ -6,10 +6,10 @@ process may work is for `worker.records` to say, so a lost or doubled delivery c
 
 import contextlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import redis.backoff
 import redis.exceptions
@@ -23,11 +23,15 @@ from rq.serializers import JSONSerializer
 from worker.record import JobRecord
 from worker.records import Records
 
+T = TypeVar("T")
+
 ALL_QUEUES: tuple[str, ...] = ("webhooks", "exports", "twins")
 """In the order in which a worker looks for work: what takes a moment first."""
 FUNCTION = "worker.jobs.run"
 """What the forked process calls, with the id of the job."""
 PATIENCE_S = 60.0
+ANSWER_S = 5.0
+"""How long Redis may take to answer before a try has failed [s]."""
 REFUSED_S = 0.5
 """Pause before a command that Redis refused is sent again [s]."""
 ALIVE_S = 20.0
@@ -50,6 +54,32 @@ class WorkerState:
     heartbeat: datetime
     """UTC."""
     queues: tuple[str, ...]
+
+
+class Patience(redis.retry.Retry):
+    """Tries again for so many seconds, however long each try takes: a Redis that hangs is given up too."""
+
+    def __init__(self, seconds: float) -> None:
+        """Pauses of 0.1 s, twice that, and so on, at most 1 s."""
+        super().__init__(redis.backoff.ExponentialBackoff(cap=1.0, base=0.05), retries=-1)
+        self._seconds = seconds
+
+    def call_with_retry(
+        self,
+        do: Callable[[], T],
+        fail: Callable[..., Any],
+        is_retryable: Callable[[Exception], bool] | None = None,
+        with_failure_count: bool = False,
+    ) -> T:
+        """Call `do` until it works, and `fail` with each error, which gives the broken connection up."""
+        deadline = time.monotonic() + self._seconds
+
+        def fail_in_time(error: Exception, *count: int) -> None:
+            fail(error, *count)
+            if time.monotonic() > deadline:
+                raise error
+
+        return super().call_with_retry(do, fail_in_time, is_retryable, with_failure_count)
 
 
 class PatientRedis(Redis):
@@ -83,17 +113,15 @@ def connect(url: str, patience_s: float = PATIENCE_S) -> "Redis":
         patience_s: How long a call tries again before it raises [s]. Workers wait long; a front that owes
             somebody an answer waits less.
     """
-    # 0.05, 0.1, 0.2, 0.4, 0.8, then every second, besides what each try itself takes.
-    retries = max(1, round(patience_s + 3.45))
     client = cast(
         PatientRedis,
         PatientRedis.from_url(
             url,
             decode_responses=True,
-            socket_timeout=5.0,
+            socket_timeout=ANSWER_S,
             socket_connect_timeout=2.0,
             health_check_interval=15,
-            retry=redis.retry.Retry(redis.backoff.ExponentialBackoff(cap=1.0, base=0.05), retries),
+            retry=Patience(patience_s),
             retry_on_error=[
                 redis.exceptions.ConnectionError,
                 redis.exceptions.TimeoutError,

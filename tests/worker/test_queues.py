@@ -1,11 +1,13 @@
 import os
 import signal
+import socket
 import threading
 import time
 
 import pytest
 import redis.exceptions
 
+from worker import queues as queues_module
 from worker.embedded import EmbeddedRedis
 from worker.queues import ALL_QUEUES, Queues, connect
 from worker.record import JobError
@@ -97,6 +99,16 @@ def test_a_call_gives_up_when_patience_ends(tmp_path):
     with pytest.raises(redis.exceptions.ConnectionError):
         client.ping()
     assert time.monotonic() - began < 5
+
+
+def test_a_redis_that_hangs_is_given_up_too(monkeypatch):
+    monkeypatch.setattr(queues_module, "ANSWER_S", 0.4)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        client = connect(f"redis://127.0.0.1:{silent.getsockname()[1]}", patience_s=1.0)
+        began = time.monotonic()
+        with pytest.raises(redis.exceptions.TimeoutError):
+            client.get("a")
+        assert 1.0 < time.monotonic() - began < 4.0
 
 
 def test_a_redis_that_refuses_to_write_is_waited_for(records, client, errand, monkeypatch):
