@@ -282,7 +282,7 @@ class TestRollout:
         twin = TwinBundle.load(
             write_twin(files={"twin.json": manifest}, controls=None, stiffness=tensors["stiffness"] / 100)
         )
-        np.testing.assert_allclose(twin.rollout(substeps=60).times, np.arange(frames) / source["fps"])
+        np.testing.assert_allclose(twin.rollout(substeps=120).times, np.arange(frames) / source["fps"])
 
 
 def test_the_camera_of_the_manifest(write_twin):

@@ -26,8 +26,9 @@ EXPECTED = "Failed to load resource"
 """What the service refuses, or a test cuts off, is in the console too."""
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium():
+    """For as long as a module of tests: its event loop would be in the way of others."""
     path = next((found for name in NAMES if (found := shutil.which(name))), None)
     if path is None:
         pytest.skip(f"no Chromium on the PATH (looked for {', '.join(NAMES)}): apt-get install chromium")
