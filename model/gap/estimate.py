@@ -46,10 +46,6 @@ class Coordinates:
         self.quantities = dict(quantities)
         self.names = tuple(quantities)
 
-    def __len__(self) -> int:
-        """How many there are."""
-        return len(self.names)
-
     def vector(self, values: Mapping[str, float]) -> Float64[Array, " d"]:
         """Coordinates of values, within the bounds."""
         inside = [np.clip(values[name], *self.quantities[name].bounds) for name in self.names]

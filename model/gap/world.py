@@ -1,6 +1,5 @@
 """What is compared with an observation: a simulator, what the hand does, and which points are seen."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -80,9 +79,9 @@ class World:
         """The same world with a contact more, or in place of the one of its name."""
         return replace(self, simulator=self.simulator.with_contact(contact))
 
-    def with_system(self, change: Callable[[System], System]) -> "World":
+    def with_system(self, system: System) -> "World":
         """The same laws over another system of the same graph."""
-        return replace(self, simulator=self.simulator.with_system(change(self.system)))
+        return replace(self, simulator=self.simulator.with_system(system))
 
     def rollout(
         self,

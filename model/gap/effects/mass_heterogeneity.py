@@ -9,7 +9,6 @@ from torch import Tensor
 
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, on_points, vector
 from model.gap.world import World
-from model.simulator.system import System
 
 
 class MassHeterogeneity(Effect):
@@ -41,11 +40,7 @@ class MassHeterogeneity(Effect):
         """Load the points around the centre; x, y, z are shares of the box around the rest shape."""
         more = values["excess"] * self._near(world, values, where)
         mass = mass_of(world).to(more) * (1.0 + more)
-
-        def loaded(system: System) -> System:
-            return system.with_values(mass=mass)
-
-        return world.with_system(loaded)
+        return world.with_system(world.system.with_values(mass=mass))
 
     def strength(self, world: World, values: Values, where: Field | None = None) -> Field:
         """Where the load is."""
