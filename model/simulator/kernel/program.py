@@ -56,7 +56,7 @@ class Stretch:
     first: int
     steps: int
     rows: Tensor
-    """[B, r, 8] at the start."""
+    """[B, r, 8] at the start, as the engine lays its rows out."""
     memories: tuple[Tensor, ...]
     """[B, slots] at the start."""
 

@@ -11,9 +11,7 @@ from torch.autograd.function import once_differentiable
 from model.simulator.kernel.call import Interval
 from model.simulator.kernel.cuda.frame import Values
 from model.simulator.kernel.cuda.program import (
-    History,
     Program,
-    Stretch,
     first_rows,
     pieces,
     record,
@@ -22,6 +20,7 @@ from model.simulator.kernel.cuda.program import (
     storable,
 )
 from model.simulator.kernel.function import NAMED
+from model.simulator.kernel.program import History, Stretch
 
 
 @dataclass(frozen=True)

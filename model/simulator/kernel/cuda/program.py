@@ -12,6 +12,7 @@ from model.simulator.kernel.cuda.frame import Values, fill, frame_type
 from model.simulator.kernel.cuda.layout import Incidence, Layout, Slots
 from model.simulator.kernel.cuda.module import Module
 from model.simulator.kernel.groups import Acts, Kind
+from model.simulator.kernel.program import History, Stretch
 
 ROW = 8
 """Numbers in a row: place, velocity, and what a contact did."""
@@ -89,30 +90,6 @@ class Program:
             return {}
         count = self.incidence.count
         return {name: like.new_empty(len(like), count, width) for name, width in widths.items()}
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """Some of the substeps of a frame, from a state on."""
-
-    first: int
-    steps: int
-    rows: Tensor
-    """[B, N, 8] at the start."""
-    memories: tuple[Tensor, ...]
-    """[B, slots] at the start."""
-
-
-@dataclass(frozen=True)
-class History:
-    """The states of every substep of a stretch, the last one included."""
-
-    first: int
-    steps: int
-    rows: Tensor
-    """[B, steps + 1, N, 8]."""
-    memories: tuple[Tensor, ...]
-    """[B, steps + 1, slots]."""
 
 
 def first_rows(program: Program, positions: Tensor, velocities: Tensor) -> Tensor:

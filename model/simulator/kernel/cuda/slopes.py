@@ -5,7 +5,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from model.simulator.kernel.cuda.frame import Values
-from model.simulator.kernel.cuda.program import ROW, History, Program, first_rows, retreat
+from model.simulator.kernel.cuda.program import ROW, Program, first_rows, retreat
+from model.simulator.kernel.program import History
 from model.simulator.kernel.slopes import UNIT
 from model.simulator.system import Anchors, State
 
