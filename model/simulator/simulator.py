@@ -20,7 +20,7 @@ from model.simulator.integrators.base import Integrator
 from model.simulator.integrators.semi_implicit_euler import SemiImplicitEuler
 from model.simulator.pace import MARGIN, Pace, substeps_for
 from model.simulator.parameters import broadcast
-from model.simulator.stability import stable_step
+from model.simulator.stability import StabilityWatch
 from model.simulator.system import Anchors, State, System, check_shapes
 
 Progress: TypeAlias = Callable[[int, int], None]
@@ -124,16 +124,15 @@ class Simulator(nn.Module):
         return self.integrator.step(dynamics, _remembering(dynamics, state, anchors), anchors, dt)
 
     def needed_substeps(self, interval: float, state: State | None = None, margin: float = MARGIN) -> int:
-        """Substeps that keep `interval` [s] stable near `state`, with a margin; see `stable_step`."""
+        """Substeps that keep `interval` [s] stable near `state`, with a margin; see `StabilityWatch`."""
         with torch.no_grad():
             dynamics = self.dynamics()
             start = self._start(dynamics, state, None)
             anchors = self._held()
             now = _remembering(dynamics, start, anchors)
             path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
-            return substeps_for(
-                interval, stable_step(dynamics, now, anchors, path.slopes(now, anchors)), margin
-            )
+            limit = StabilityWatch(dynamics, path.slopes).find(now, anchors)
+            return substeps_for(interval, limit, margin)
 
     def forward(self, *args: object, **kwargs: object) -> Rollout:
         """Same as `rollout`, so that `torch.func.functional_call` reaches it."""

@@ -24,9 +24,7 @@ Slopes: TypeAlias = Callable[[Tensor], tuple[Tensor, Tensor]]
 """(∂a/∂x)ᵀu and (∂a/∂v)ᵀu of a vector u, a being the accelerations of all points [m/s²]."""
 
 
-def stable_step(
-    dynamics: Dynamics, state: State, anchors: Anchors | None, slopes: Slopes | None = None
-) -> float:
+def stable_step(dynamics: Dynamics, state: State, anchors: Anchors | None) -> float:
     r"""The largest stable dt [s] of semi-implicit Euler near `state`; infinite without stiffness and damping.
 
     The bound is $\lambda_{max}(dt^2 M^{-1}K + 2\,dt\,M^{-1}C) = 4$, with $K = -\partial F/\partial x$ and
@@ -37,7 +35,6 @@ def stable_step(
         dynamics: The terms and their constants.
         state: Where to linearise [m, m/s].
         anchors: Where the controllers are.
-        slopes: How accelerations change there; None: by reverse differentiation.
 
     Forces that overflow have no bound; the rollout then says which, and where.
 
@@ -46,8 +43,7 @@ def stable_step(
         method, Acta Numerica 12 (dt·ω < 2 of the undamped oscillator); the damped bound is the root at -1 of
         the characteristic polynomial of v' = v - dt(ω²x + cv), x' = x + dt·v'.
     """
-    watch = StabilityWatch(dynamics, lambda s, a: slopes or differentiate(dynamics, s, a))
-    return watch.find(state, anchors)
+    return StabilityWatch(dynamics, lambda s, a: differentiate(dynamics, s, a)).find(state, anchors)
 
 
 class StabilityWatch:

@@ -84,3 +84,21 @@ def test_a_grip_without_length_is_stiff_in_all_directions():
     start = State(system.points, torch.tensor([[0.3, 0.2, -0.1], [0.0, 0, 0]], dtype=torch.float64))
     end = simulator.rollout(start, frames=11, fps=10.0).end
     assert end.velocities.norm() < 0.5
+
+
+@pytest.mark.parametrize("backend", ["torch", "auto"])
+def test_what_is_needed_is_what_a_rollout_takes(backend):
+    """Also where a grip has nearly no length: both look where it has a direction."""
+    places = torch.tensor([[0.0, 0, 0], [0.1, 0, 0]], dtype=torch.float64)
+    system = System(
+        points=places,
+        mass=1.0,
+        springs=torch.tensor([[0, 1]]),
+        rest_length=0.1,
+        controller_springs=torch.tensor([[0, 0], [1, 0]]),
+        controller_rest_length=1e-9,
+        controller_points=torch.tensor([[1e-9, 0, 0], [0, 1e-9, 0]], dtype=torch.float64),
+    )
+    simulator = Simulator(system, [Spring(1.0), ControllerSpring(1e5)], backend=backend)
+    assert simulator.needed_substeps(0.1) == simulator.rollout(frames=2, fps=10.0).substeps[0]
+    assert simulator.needed_substeps(1.0, margin=1.0) >= 0.98 * (2e5) ** 0.5 / 2
