@@ -251,12 +251,14 @@ def export(twin: Path, target: str, out: Path, as_json: bool) -> None:
     from model.exports import ALL_EXPORTERS
     from model.registry import by_name
 
-    exporter = by_name(ALL_EXPORTERS, target, "export")()
-    written = [str(path) for path in exporter(TwinBundle.load(twin), out)]
+    exporter, bundle = by_name(ALL_EXPORTERS, target, "export")(), TwinBundle.load(twin)
+    with collect_doubts() as doubts:
+        written = [str(path) for path in exporter(bundle, out)]
     if as_json:
         _print_json({"format": target, "files": written})
     else:
         click.echo("\n".join(f"wrote {path}" for path in written))
+    _warn([*exporter.losses(bundle), *doubts])
 
 
 @matphys.command()

@@ -12,6 +12,8 @@ class Exporter(ABC):
     """Writes a twin in one format."""
 
     name: ClassVar[str]
+    expressed: ClassVar[frozenset[str]] = frozenset()
+    """Effects of `effects.json` that the files do what the twin does with, by name."""
 
     @abstractmethod
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
@@ -20,3 +22,12 @@ class Exporter(ABC):
         Raises:
             InputError: the format cannot express this twin; the message says why.
         """
+
+    def lost(self, effect: str) -> str:
+        """What an effect that is not among `expressed` means for whoever uses the files: one line."""
+        return f"{self.name}: the files do not have the effect {effect}: they move as the twin without it"
+
+    def losses(self, twin: "TwinBundle") -> tuple[str, ...]:
+        """A line for each effect of the twin that the files do not have: to be told, and for a README."""
+        names = dict.fromkeys(effect.name for effect in twin.effects)
+        return tuple(self.lost(name) for name in names if name not in self.expressed)

@@ -26,3 +26,7 @@ class PlyExporter(Exporter):
         with replacing(out) as temporary:
             temporary.write_bytes(encode_ply(twin.gaussians))
         return [out]
+
+    def lost(self, effect: str) -> str:
+        """The file holds a shape, and no motion that could lack anything."""
+        return f"ply: the file has the shape at rest alone, and so nothing of the effect {effect}"

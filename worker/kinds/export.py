@@ -49,6 +49,8 @@ class ExportKind(Kind):
         exporter = run.model("registry").by_name(run.model("exports").ALL_EXPORTERS, format_, "export")()
         out = run.folder / FORMATS[format_]
         exporter(twin, out)
+        for loss in exporter.losses(twin):
+            run.log(f"warning: {loss}")
         return Outcome((_one_file(out),))
 
 

@@ -1,0 +1,24 @@
+from dataclasses import replace
+
+from model.bundle import TwinBundle
+from model.exports.base import Exporter
+from model.schema import EffectRecord
+
+
+class Springs(Exporter):
+    name = "springs"
+    expressed = frozenset({"quadratic_air_drag"})
+
+    def __call__(self, twin, out):
+        return []
+
+
+def test_effects_that_a_format_lacks_are_told_once_each(twin_path):
+    names = ("wind", "quadratic_air_drag", "wind", "damage")
+    twin = replace(TwinBundle.load(twin_path), effects=tuple(EffectRecord(name=name) for name in names))
+    losses = Springs().losses(twin)
+    assert [line.split("the effect ")[1].split(":")[0] for line in losses] == ["wind", "damage"]
+
+
+def test_a_twin_without_effects_loses_nothing(twin_path):
+    assert Springs().losses(TwinBundle.load(twin_path)) == ()
