@@ -24,16 +24,10 @@ from model.schema import (
     read_json,
     write_json,
 )
-from model.types import (
-    Array,
-    Camera,
-    Gaussians,
-    Parameters,
-    Topology,
-    Trajectory,
-)
+from model.types import Array, Camera, Gaussians, Parameters, Topology, Trajectory
 
 if TYPE_CHECKING:
+    from model.gap.world import World
     from model.simulator.simulator import Simulator
 
 LIMITS: Mapping[str, int] = {
@@ -145,14 +139,46 @@ class TwinBundle:
         return Camera(intrinsics, pose, width, height)
 
     def simulator(self) -> "Simulator":
-        """The simulator of this twin, with its own parameters.
+        """The simulator of this twin, with its own parameters and the effects that it carries.
+
+        An effect of the hand (`actuation_delay`) changes the motion that is given to it, so `rollout` alone
+        has it.
 
         Raises:
-            InputError: an effect of the twin cannot be simulated.
+            InputError: an effect of the twin cannot act in it.
         """
-        if self.effects:
-            raise InputError(f"effects.json: the effect {self.effects[0].name} cannot be simulated yet")
-        from model.simulator.build import build_simulator  # torch takes a second to import
+        return self.world(np.arange(2.0)).simulator
+
+    def world(self, times: Float64[Array, " T"], controls: Float32[Array, "T C 3"] | None = None) -> "World":
+        """This twin under a motion of its controllers, with its effects; every mass point is seen.
+
+        Args:
+            times: Of the frames [s].
+            controls: Where the controllers are [m]; None: they stay where they are at rest.
+
+        Raises:
+            InputError: an effect of the twin cannot act in it.
+        """
+        import torch  # takes a second
+
+        from model.gap.world import Sight, World
+
+        points = len(self.topology.points)
+        everything = Sight(torch.arange(points)[:, None], torch.ones((points, 1)))
+        motion = None
+        if len(self.topology.controller_springs):
+            held = self.topology.controller_points[None].repeat(len(times), 0)
+            motion = torch.from_numpy(held if controls is None else controls)
+        world = World(self._plain_simulator(), everything, times, motion, ground_height(self.parameters))
+        if not self.effects:
+            return world
+        from model.gap.carried import carrying
+
+        return carrying(world, self.effects)
+
+    def _plain_simulator(self) -> "Simulator":
+        """The simulator without effects."""
+        from model.simulator.build import build_simulator
 
         topology, parameters = self.topology, self.parameters
         held = len(topology.controller_springs) > 0
@@ -193,22 +219,23 @@ class TwinBundle:
             substeps: Per frame; None: as many as stability asks for.
 
         Raises:
-            InputError: the frame rate is unknown, the controls do not fit, or the motion diverges.
+            InputError: the frame rate is unknown, the controls do not fit, an effect cannot act, or the
+                motion diverges.
         """
         import torch
 
         controls = self.controls if controls is None else controls
         if times is None:
             times = self._times(None if controls is None else len(controls))
-        held = controls is not None and len(self.topology.controller_springs) > 0
 
         def report(done: int, whole: int) -> None:
             if progress is not None:
                 progress(done / whole)
 
         with torch.no_grad():
-            rollout = self.simulator().rollout(
-                controls=controls if held else None, times=times, substeps=substeps, progress=report
+            world = self.world(times, controls)
+            rollout = world.simulator.rollout(
+                controls=world.controls, times=times, substeps=substeps, progress=report
             )
         most = float(max(rollout.substeps, default=0))
         return Trajectory(times, rollout.points.float().numpy(), {"substeps_per_frame": most})
@@ -262,3 +289,6 @@ class TwinBundle:
                     f"{name}: effects.json: {i}.acts_on: expected a number for each of the {points} points, "
                     f"found {len(effect.acts_on)}"
                 )
+            from model.gap.carried import values_of  # reaches torch, which twins without effects do without
+
+            values_of(effect, f"{name}: effects.json: {i}")

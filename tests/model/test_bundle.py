@@ -38,7 +38,8 @@ def part(label: str) -> PartRecord:
 @pytest.fixture
 def bundle(twin_path: Path) -> TwinBundle:
     """A bundle with something in every member."""
-    effect = EffectRecord(name="wind", parameters={"speed": {"value": 1.5, "unit": "m/s"}})
+    wind = {"drag_per_mass": {"value": 0.5, "unit": "1/m"}, "x": 1.5, "y": 0}
+    effect = EffectRecord(name="wind", parameters=wind)
     parts = (part("part 0"), part("part 1"))
     return replace(TwinBundle.load(twin_path), parts=parts, effects=(effect,), preview=b"not really an mp4")
 

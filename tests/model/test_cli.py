@@ -349,7 +349,21 @@ class TestSimulate:
         path = write_twin(files={"effects.json": b'[{"name": "wind"}]'})
         outcome = run("simulate", path, "--out", path.parent / "o.npz", "--quiet")
         assert outcome.code == 2
-        assert "wind cannot be simulated yet" in outcome.line
+        assert "effects.json: 0: wind: drag_per_mass is missing" in outcome.line
+
+    def test_an_effect_moves_the_twin(self, run, write_twin):
+        wind = {
+            "name": "wind",
+            "parameters": {"drag_per_mass": 2.0, "x": 0.0, "y": {"value": 5.0, "unit": "m/s"}},
+        }
+        blown = write_twin("blown.twin.zip", files={"effects.json": json.dumps([wind]).encode()})
+        ends = []
+        for path in (write_twin(), blown):
+            assert (
+                run("simulate", path, "--out", path.parent / "o.npz", "--quiet", "--substeps", 60).code == 0
+            )
+            ends.append(np.load(path.parent / "o.npz")["points"][-1])
+        assert (ends[1] - ends[0])[:, 1].mean() > 1e-3
 
 
 class TestExport:
@@ -408,7 +422,7 @@ class TestInspect:
         }
         manifest = {"schema": "matphys.twin/1", "stages": [stage], "warnings": ["tracking: blurred"]}
         manifest["metrics"] = {"keyframe_iou": 0.98765, "overlap": [0.5, 0.7]}
-        effects = [{"name": "wind", "parameters": {"speed": {"value": 1.5, "unit": "m/s"}}}]
+        effects = [{"name": "wind", "parameters": {"drag_per_mass": 0.5, "x": 1.5, "y": 0.0}}]
         contents = {"twin.json": json.dumps(manifest).encode(), "effects.json": json.dumps(effects).encode()}
         outcome = run("inspect", write_twin(files=contents))
         assert outcome.code == 0
