@@ -27,70 +27,117 @@ MODES = 2
 
 
 @dataclass(frozen=True)
+class Matter:
+    """What a body is taken for before any fit; a fit moves the numbers that belong to all of it."""
+
+    mass: Float64[Array, " P"]
+    """[kg]."""
+    pattern: Float64[Array, " E"]
+    """Stiffness of each spring over the `stiffness` of the twin."""
+    length: Float64[Array, " E"]
+    """Rest length of each spring without prestress [m]."""
+    grip_pattern: Float64[Array, " S"]
+    """Stiffness of each spring of the hand over `grip` times `stiffness`."""
+    grip_length: Float64[Array, " S"]
+    """[m]."""
+    start: Mapping[str, float]
+    """Where a fit of `PlainTwin.quantities` starts."""
+    restitution: float = 0.0
+    collision_distance: float = 0.0
+    """[m]; 0: the body does not meet itself."""
+
+    @classmethod
+    def guessed(cls, body: Body, observation: Observation) -> "Matter":
+        """Of a body of which nothing is known but its shape, which is at ease but for its weight."""
+        way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
+        length: Float64[Array, " E"] = np.linalg.norm(way, axis=1)
+        reach = observation.controllers[0][body.grip[:, 0]] - body.points[body.grip[:, 1]]
+        weight = MASS * max(float(np.linalg.norm(observation.gravity)), 1.0)
+        start = {
+            "stiffness": 30.0 * weight / body.spacing / max(1.0, len(body.points) ** 0.5),
+            "damping": 0.05,
+            "drag_rate": 0.3,
+            "prestress": 0.8,
+            "grip": 3.0,
+            "friction": 0.5,
+        }
+        return cls(
+            MASS * body.share,
+            body.spacing / length,
+            length,
+            np.ones(len(body.grip)),
+            np.linalg.norm(reach, axis=1).astype(np.float64),
+            start,
+        )
+
+
+@dataclass(frozen=True)
 class PlainTwin:
     """What makes a world of its own parameters."""
 
     body: Body
     observation: Observation
+    matter: Matter
     tensions: Float64[Array, " E"]
     """With which the first frame is at rest [N]."""
 
     @classmethod
-    def of(cls, body: Body, observation: Observation) -> "PlainTwin":
-        """For a body as it lies, hangs or is held in the first frame."""
-        mass = MASS * body.share
+    def of(cls, body: Body, observation: Observation, matter: Matter | None = None) -> "PlainTwin":
+        """For a body as it lies, hangs or is held in the first frame; without `matter` it is guessed."""
+        matter = matter or Matter.guessed(body, observation)
         borne = np.zeros(len(body.points), bool)
         borne[body.grip[:, 1]] = True
         if observation.ground_height is not None:
             borne |= body.points[:, 2] < observation.ground_height + 0.5 * body.spacing
-        weights = mass[:, None] * np.asarray(observation.gravity)
+        weights = matter.mass[:, None] * np.asarray(observation.gravity)
         tensions = resting_tensions(body.points, body.springs, weights, borne)
-        return cls(body, observation, tensions)
+        return cls(body, observation, matter, tensions)
 
     @property
     def quantities(self) -> dict[str, Quantity]:
         """Its own parameters, with where they may be and where a fit starts."""
-        weight = MASS * max(float(np.linalg.norm(self.observation.gravity)), 1.0)
-        usual = 30.0 * weight / self.body.spacing / max(1.0, len(self.body.points) ** 0.5)
+        start = self.matter.start
+        usual = start["stiffness"]
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, 300.0 * usual), usual, log=True),
-            "damping": Quantity("1", (1e-4, 1.0), 0.05, log=True),
-            "drag_rate": Quantity("1/s", (0.01, 20.0), 0.3, log=True),
-            "prestress": Quantity("1", (0.0, 1.2), 0.8),
+            "damping": _reaching("1", (1e-4, 1.0), start["damping"], log=True),
+            "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], log=True),
+            "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
         }
         if len(self.body.grip):
-            own["grip"] = Quantity("1", (0.05, 50.0), 3.0, log=True)
+            own["grip"] = _reaching("1", (0.05, 50.0), start["grip"], log=True)
         if self.observation.ground_height is not None:
-            own["friction"] = Quantity("1", (0.02, 2.0), 0.5, log=True)
+            own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         for mode in range(0 if self.body.shape == "rope" else MODES):
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
         return own
 
     def world(self, values: Values, dtype: torch.dtype = torch.float32) -> World:
         """The world of these parameters, each a scalar or of shape [*b, 1]."""
-        body, seen = self.body, self.observation
-        way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
-        length = torch.from_numpy(np.linalg.norm(way, axis=1))
-        stiffness = values["stiffness"] * (body.spacing / length) * self._gradient(values)
+        body, seen, matter = self.body, self.observation, self.matter
+        length = torch.from_numpy(matter.length)
+        stiffness = values["stiffness"] * torch.from_numpy(matter.pattern) * self._gradient(values)
         tensions = torch.from_numpy(self.tensions)
         rest = torch.maximum(length - values["prestress"] * tensions / stiffness, SHORTEST * length)
-        mass = MASS * body.share
-        typical = 2.0 * torch.sqrt(values["stiffness"] * float(np.median(mass)))
+        typical = 2.0 * torch.sqrt(values["stiffness"] * float(np.median(matter.mass)))
         held = len(body.grip) > 0
         simulator = build_simulator(
             points=body.points,
-            mass=mass,
+            mass=matter.mass,
             springs=body.springs,
             rest_length=rest,
             stiffness=stiffness,
             controller_springs=body.grip if held else None,
-            controller_rest_length=self._grip_lengths() if held else None,
-            controller_stiffness=values["grip"] * values["stiffness"] if held else None,
+            controller_rest_length=matter.grip_length if held else None,
+            controller_stiffness=values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
+            if held
+            else None,
             controller_points=seen.controllers[0] if held else None,
             dashpot_damping=values["damping"] * typical,
             drag_rate=values["drag_rate"],
             friction=values.get("friction", 0.0),
-            restitution=0.0,
+            restitution=matter.restitution,
+            collision_distance=matter.collision_distance,
             gravity=seen.gravity,
             ground_height=seen.ground_height,
             dtype=dtype,
@@ -98,12 +145,6 @@ class PlainTwin:
         sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype))
         controls = torch.from_numpy(seen.controllers).to(dtype) if held else None
         return World(simulator, sight, seen.times, controls, seen.ground_height)
-
-    def _grip_lengths(self) -> Float64[Array, " S"]:
-        body = self.body
-        way = self.observation.controllers[0][body.grip[:, 0]] - body.points[body.grip[:, 1]]
-        lengths: Float64[Array, " S"] = np.linalg.norm(way, axis=1).astype(np.float64)
-        return lengths
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""
@@ -118,3 +159,10 @@ class PlainTwin:
                     along / np.abs(along).max()
                 )
         return torch.exp(exponent)
+
+
+def _reaching(unit: str, bounds: tuple[float, float], start: float, log: bool) -> Quantity:
+    """A quantity whose bounds reach to where a given twin is; a logarithm starts above zero in any case."""
+    low, high = bounds
+    start = max(start, 0.1 * low) if log else start
+    return Quantity(unit, (min(low, start), max(high, start)), start, log)
