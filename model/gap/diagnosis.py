@@ -1,9 +1,9 @@
 """What a diagnosis found: its report, and what of it can be written into a twin."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from model.gap.report.findings import Findings
-from model.gap.world import World
 from model.schema import EffectRecord
 
 
@@ -15,6 +15,6 @@ class Diagnosis:
     """For the gap report and its figures."""
     effects: tuple[EffectRecord, ...] = ()
     """What the verdict adds to the twin (`model.gap.carried.record_of`); empty where it names no effect."""
-    fitted: World | None = None
-    """The plain twin, without effects, at the parameters of its own that were fitted together with `effects`:
-    `study.plain.at(values)`; an effect belongs to them. None: as the twin came."""
+    fitted: Mapping[str, float] | None = None
+    """Values of the plain twin's own quantities, fitted together with `effects`, which belong to them; those
+    of effects may be among them. None: as the twin came."""
