@@ -1,14 +1,17 @@
 """The finite-element generator: worlds moved by `engine.cpp`; the effects are in `fem_laws.py`."""
 
+import ctypes
+
 import numpy as np
 
-from benchmarks.reality import compiled
+from benchmarks.reality.compiled import Engine
 from benchmarks.reality.fem_laws import Laws, Numbers
 from benchmarks.reality.hands import follow, held_share
 from benchmarks.reality.meshes import Mesh, mesh
 from benchmarks.reality.skin import attach, carry
 from benchmarks.reality.world import RATE, Array, Effect, Motion, Runaway, World
 
+ENGINE = Engine("engine.cpp")
 SAFETY = 0.7
 COST = 8e7
 """Elements times steps, beyond which nobody waits."""
@@ -90,7 +93,7 @@ class _Run(Laws):
         }
         if self.world.scene.times[-1] / step * max(len(self.body.elements), 200) > COST:
             raise Runaway(f"too stiff: steps of {step:.2g} s")
-        failed = compiled.simulate(self.arrays, self.numbers)
+        failed = ENGINE.library.simulate(ctypes.byref(ENGINE.problem(self.arrays, self.numbers)))
         if failed:
             raise Runaway(f"frame {failed - 1}")
         index, weight = attach(self.world.shape.surface, self.body.nodes, 4 if self.body.dim == 1 else 8)

@@ -188,11 +188,12 @@ def main(arguments: list[str] | None = None) -> int:
         for done, label in enumerate(pool.map(_work, jobs), 1):
             if label is not None:
                 labels.append(label)
+                path = write_labels(options.out, labels, sealed=options.split == "test")
             spent = time.monotonic() - began
             left = spent / done * (len(jobs) - done)
             print(f"{done}/{len(jobs)} worlds, {spent:.0f} s, about {left:.0f} s left", flush=True)
-    labels.sort(key=lambda label: label["world"])
-    path = write_labels(options.out, labels, sealed=options.split == "test")
+    if not labels:
+        return 1
     print(
         f"wrote {len(labels)} worlds and {path}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
     )

@@ -1,23 +1,28 @@
-"""The MuJoCo generator: particles on another lattice, tendons as springs, its own integrator and contacts.
+"""The MuJoCo generator: particles on another lattice, its own integrator and contacts.
 
-Particles are bodies with three slide joints; each spring is a spatial tendon with stiffness and damping; the
-ground is MuJoCo's plane with an elliptic friction cone. Hands and withheld effects are applied forces,
-written in numpy over springs, particles or cells. Amplitudes mean what they mean in `fem.py`, the laws are
-those of springs.
+Particles are bodies with three slide joints, whose damping is the drag; the ground is MuJoCo's plane with an
+elliptic friction cone. Springs, hands and withheld effects are applied forces of `particles.cpp`, which also
+takes MuJoCo's steps (tendons as springs, and forces in numpy, took ten times as long). Amplitudes mean what
+they mean in `fem.py`, the laws are those of springs.
 """
+
+import ctypes
+from functools import cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
-from scipy.sparse import csr_matrix
 
+from benchmarks.reality.compiled import Engine
 from benchmarks.reality.hands import follow, held_share
-from benchmarks.reality.lattice_laws import Force, Law, Laws, State
+from benchmarks.reality.lattice_laws import Laws
 from benchmarks.reality.nets import Lattice, lattice
 from benchmarks.reality.skin import attach, carry
 from benchmarks.reality.world import RATE, Array, Effect, Motion, Runaway, World
 
+ENGINE = Engine("particles.cpp")
 RADIUS = 0.003
-SAFETY = 0.75
+SAFETY = 0.8
 LONGEST = 0.002
 COST = 9e6
 """Steps times particles, beyond which nobody waits."""
@@ -32,76 +37,97 @@ def simulate(world: World) -> Motion:
     return _Run(world, lattice(world.shape, world.spacing, world.mesh_seed)).result()
 
 
+@cache
+def _step() -> ctypes.c_void_p:
+    """MuJoCo's `mj_step`, out of the library that its Python package has loaded."""
+    (path,) = Path(mujoco.__file__).parent.glob("libmujoco.so*")
+    return ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p)
+
+
 class _Run(Laws):
+    """One simulation: arrays and numbers for `particles.cpp`, changed by each effect in turn."""
+
     def __init__(self, world: World, net: Lattice) -> None:
         self.world, self.net = world, net
         scene, material = world.scene, world.material
         self.start = net.nodes @ scene.turn.T + scene.shift
         self.mass = material.density * net.share
+        self.gravity = np.asarray(scene.gravity)
         self.rest = np.linalg.norm(net.nodes[net.springs[:, 1]] - net.nodes[net.springs[:, 0]], axis=1)
         low, high = material.stiffness
         middle = net.nodes[net.springs].mean(axis=1) - world.shape.surface.mean(axis=0)
         blend = 1 / (1 + np.exp(-np.clip(middle[:, 0] / (0.05 * world.shape.length), -40, 40)))
         self.stiffness = net.unit * (low * (1 - blend) + high * blend)
-        rows, columns = net.springs.T, np.arange(len(net.springs))
-        ends = np.concatenate([rows[0], rows[1]])
-        signs = np.concatenate([np.ones(len(columns)), -np.ones(len(columns))])
-        self.gather = csr_matrix((signs, (ends, np.tile(columns, 2))), (len(net.nodes), len(columns)))
-        self.forces: list[Force] = []
-        self.axial: list[Law] = []
         self.stiffer = 1.0
-        self.slip = (0.0, 0.0)
-        self.touched, self.met = np.zeros(len(self.mass)), np.zeros(len(self.mass))
-        self.near = np.zeros((0, 2), int)
-        if world.material.bending > 0 and not any(e.name == "bending_stiffness" for e in world.effects):
+        self.numbers = {"ground": np.nan if scene.ground is None else scene.ground, "anchor_rate": RATE}
+        self.arrays = {
+            "start": self.start,
+            "rest_place": net.nodes,
+            "spring": net.springs,
+            "rest": self.rest,
+            "stiffness": self.stiffness,
+            "damping": self.stiffness * material.damping,
+            "memory": np.zeros((len(self.rest), 4)),
+            "touched": np.zeros(len(self.mass)),
+            "met": np.zeros(len(self.mass)),
+        }
+        if material.bending > 0 and not any(e.name == "bending_stiffness" for e in world.effects):
             self._bending_stiffness(Effect("bending_stiffness", 0.0))
         for effect in world.effects:
-            if effect.name not in ("actuation_delay", "hand_torque"):
-                getattr(self, f"_{effect.name}")(effect)
+            getattr(self, f"_{effect.name}")(effect)
+        self.arrays["mass"] = self.mass
         self._hands()
 
     def result(self) -> Motion:
+        """Run, and see what the observed points did."""
         model, dt = self._model()
         data = mujoco.MjData(model)
-        data.qvel[:] = 0
-        times, frames = self.world.scene.times, []
-        data.time = float(times[0])
-        for frame, time in enumerate(times):
-            steps = 0 if frame == 0 else max(int(np.ceil((time - times[frame - 1]) / dt)), 1)
-            if steps:
-                model.opt.timestep = (time - times[frame - 1]) / steps
-            for s in range(steps):
-                now = State(
-                    data.qpos.reshape(-1, 3) + self.start,
-                    data.qvel.reshape(-1, 3),
-                    times[frame - 1] + s * model.opt.timestep,
-                    model.opt.timestep,
-                )
-                data.qfrc_applied[:] = self._applied(now).ravel()
-                mujoco.mj_step(model, data)
+        times, frames = self.world.scene.times, [self.start]
+        problem = self._problem(model, data)
+        for frame in range(1, len(times)):
+            span = float(times[frame] - times[frame - 1])
+            steps = max(int(np.ceil(span / dt)), 1)
+            model.opt.timestep = span / steps
+            ENGINE.library.advance(
+                ctypes.byref(problem),
+                _step(),
+                ctypes.c_int32(steps),
+                ctypes.c_double(times[frame - 1]),
+                ctypes.c_double(span / steps),
+            )
             frames.append(data.qpos.reshape(-1, 3) + self.start)
-            if (
-                not np.isfinite(frames[-1]).all()
-                or np.abs(data.qpos).max() > 20
-                or any(w.number for w in data.warning)
-            ):
+            lost = not np.isfinite(frames[-1]).all() or np.abs(data.qpos).max() > 20
+            if lost or any(w.number for w in data.warning):
                 raise Runaway(f"frame {frame}")
         nodes = np.stack(frames)
-        index, weight = attach(
-            self.world.shape.surface, self.net.nodes, 4 if self.world.shape.kind == "rope" else 8
-        )
+        kind = self.world.shape.kind
+        index, weight = attach(self.world.shape.surface, self.net.nodes, 4 if kind == "rope" else 8)
         acts = {effect.name: self._acts(effect, index, weight) for effect in self.world.effects}
         return Motion(carry(nodes, index, weight), acts, nodes, np.zeros((0, 4)))
+
+    def _problem(self, model: mujoco.MjModel, data: mujoco.MjData) -> ctypes.Structure:
+        self.arrays |= {"position": data.qpos, "velocity": data.qvel, "applied": data.qfrc_applied}
+        counts = {
+            "nodes": len(self.mass),
+            "springs": len(self.rest),
+            "bends": len(self.arrays.get("bend", ())),
+            "cells": len(self.arrays.get("cell", ())),
+            "grips": len(self.arrays["grip_node"]),
+            "samples": len(self.arrays["anchor"]),
+        }
+        vectors = {"gravity": tuple(self.gravity)}
+        problem = ENGINE.problem(self.arrays, {**self.numbers, **counts, **vectors})
+        problem.model, problem.data = model._address, data._address
+        return problem
 
     def _model(self) -> tuple[mujoco.MjModel, float]:
         scene, material = self.world.scene, self.world.material
         spec = mujoco.MjSpec()
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        spec.option.gravity = scene.gravity
-        load = np.zeros(len(self.mass))
-        np.add.at(load, self.net.springs, np.repeat(self.stiffness[:, None] * self.stiffer, 2, axis=1))
-        omega = np.sqrt(2 * (load / self.mass).max())
+        spec.option.solver = mujoco.mjtSolver.mjSOL_CG  # contacts of particles are apart: Newton's is dearer
+        spec.option.gravity = self.gravity
+        omega = self.frequency()
         # Semi-implicit Euler with explicit damping is stable below dt²ω² + 2 dt ω²τ = 4.
         ratio = omega * material.damping / 2
         dt = float(min(SAFETY * 2 / omega * (np.sqrt(1 + ratio**2) - ratio), LONGEST))
@@ -135,19 +161,10 @@ class _Run(Laws):
                 friction=[material.friction, 0, 0],
                 solref=[max(0.006, 2.2 * dt), max(1.0 - material.restitution, 0.3)],
             )
-            body.add_site(name=f"s{k}")
-        for k, (i, j) in enumerate(self.net.springs):
-            damping = self.stiffness[k] * material.damping
-            tendon = spec.add_tendon(
-                name=f"t{k}", stiffness=np.array([self.stiffness[k], 0, 0]), damping=np.array([damping, 0, 0])
-            )
-            tendon.springlength = [self.rest[k], self.rest[k]]
-            tendon.wrap_site(f"s{i}")
-            tendon.wrap_site(f"s{j}")
         return spec.compile(), dt
 
     def _hands(self) -> None:
-        nodes, anchors = [], []
+        nodes, anchors = [np.zeros(0, int)], []
         effects = {effect.name: effect for effect in self.world.effects}
         late = effects.get("actuation_delay")
         delay = late.amplitude * float(late.options["sign"]) if late else 0.0
@@ -162,57 +179,23 @@ class _Run(Laws):
                 extra = torque.amplitude * wave[:, None] * np.asarray(torque.options["axis"])
             nodes.append(held)
             anchors.append(follow(hand, self.start[held], delay, extra))
-        self.held = np.concatenate(nodes) if nodes else np.zeros(0, int)
-        if not nodes:
-            return
-        path = np.concatenate(anchors, axis=1)
-        load = np.zeros(len(self.mass))
-        np.add.at(load, self.net.springs, np.repeat(self.stiffness[:, None], 2, axis=1))
-        mass = self.mass[self.held][:, None]
-        stiff = mass * (2 * (load / self.mass).max()) / 3
-        offset = np.zeros((len(self.held), 3))
-        limit, rate = self.slip
-
-        def hold(now: State) -> Array:
-            place = min(now.t * RATE, len(path) - 1.001)
-            s = int(place)
-            goal = path[s] + (place - s) * (path[s + 1] - path[s]) + offset
-            speed = (path[s + 1] - path[s]) * RATE
-            pull = stiff * (goal - now.x[self.held])
-            if rate > 0:
-                size = np.linalg.norm(pull, axis=1, keepdims=True) + 1e-12
-                offset[:] -= (
-                    np.minimum(rate * now.dt, 0.5 / stiff) * np.maximum(size - limit, 0) * pull / size
-                )
-            force = np.zeros_like(now.x)
-            force[self.held] = pull + 0.6 * np.sqrt(stiff * mass) * (speed - now.v[self.held])
-            return force
-
-        self.forces.append(hold)
-
-    def _applied(self, now: State) -> Array:
-        total = np.zeros_like(now.x)
-        for force in self.forces:
-            total += force(now)
-        if self.axial:
-            i, j = self.net.springs.T
-            way = now.x[j] - now.x[i]
-            length = np.linalg.norm(way, axis=1) + 1e-12
-            way /= length[:, None]
-            strain = length / self.rest - 1
-            rate = ((now.v[j] - now.v[i]) * way).sum(axis=1) / self.rest
-            tension = sum(law(now, strain, rate, way) for law in self.axial)
-            total += self.gather @ (tension[:, None] * way)
-        if self.world.scene.ground is not None:
-            self.touched += now.dt * (now.x[:, 2] < self.world.scene.ground + 0.001)
-        return total
+        held = np.concatenate(nodes)
+        mass = self.mass[held]
+        stiff = mass * 2 * (self.load() / self.mass).max() / 3
+        self.arrays |= {
+            "grip_node": held,
+            "anchor": np.concatenate(anchors, axis=1) if anchors else np.zeros((2, 0, 3)),
+            "grip_stiff": stiff,
+            "grip_damping": 0.6 * np.sqrt(stiff * mass),
+            "slip": np.zeros((len(held), 3)),
+        }
 
     def _acts(self, effect: Effect, index: Array, weight: Array) -> Array:
         nodes = effect.where(self.net.nodes)
         if effect.name == "grip_slip":
             return held_share(self.world)
         if effect.name in ("adhesion", "static_friction"):
-            nodes = np.clip(self.touched / 0.3, 0, 1)
+            nodes = np.clip(self.arrays["touched"] / 0.3, 0, 1)
         elif effect.name == "self_collision":
-            nodes = np.clip(self.met / 0.1, 0, 1)
+            nodes = np.clip(self.arrays["met"] / 0.1, 0, 1)
         return np.clip(np.einsum("nk,nk->n", nodes[index], weight), 0.0, 1.0)

@@ -23,7 +23,8 @@ Simulate = Callable[[World], Motion]
 COARSER = 1.6
 CLOSE = 1.25
 """A magnitude within this factor of its target will do."""
-ATTEMPTS = 6
+ROUGH, FINE = 6, 3
+"""Most simulations with an effect: of the coarser world, where its amplitude is sought, and of the world."""
 ACCEPTED = (0.4, 6.0)
 LIMIT = 1.6
 """How far a logarithm of a base parameter may move."""
@@ -40,6 +41,9 @@ class Yardstick:
     triangular: Array
     noise: float
     discretisation: float
+    coarse_world: World
+    coarse: Array
+    """Motion of the coarser world."""
 
     @property
     def hidden(self) -> float:
@@ -81,8 +85,9 @@ def measure(world: World, simulate: Simulate, noise: float) -> Yardstick:
         moved = simulate(replace(world, material=changed(world.material, name, step))).points
         columns.append((moved - base).ravel() / step)
     q, r = np.linalg.qr(np.stack(columns, axis=1))
-    plain = Yardstick(world, base, tuple(names), q, r, noise, 0.0)
-    coarse = simulate(replace(world, spacing=world.spacing * COARSER, mesh_seed=world.mesh_seed + 1)).points
+    other = replace(world, spacing=world.spacing * COARSER, mesh_seed=world.mesh_seed + 1)
+    coarse = simulate(other).points
+    plain = Yardstick(world, base, tuple(names), q, r, noise, 0.0, other, coarse)
     return replace(plain, discretisation=_rms(plain.refit(coarse)[1]))
 
 
@@ -109,39 +114,67 @@ def tune(
 ) -> tuple[Effect, float] | None:
     """The amplitude at which the effect has the target magnitude, found by secants on logarithms.
 
-    Where the target is out of reach, the nearest that was tried is taken, if it is within `ACCEPTED`: what
-    counts is the magnitude measured. None: there is none such.
+    It is sought in the coarser world, which costs little, and then corrected in the world itself. Where the
+    target is out of reach, the nearest that was tried is taken, if it is within `ACCEPTED`: what counts is
+    the magnitude measured. None: there is none such.
     """
+
+    def roughly(amplitude: float) -> float:
+        world = stick.coarse_world.with_effects(replace(effect, amplitude=amplitude))
+        return gap(stick, stick.base + simulate(world).points - stick.coarse)
+
+    def truly(amplitude: float) -> float:
+        return gap(stick, simulate(stick.world.with_effects(replace(effect, amplitude=amplitude))).points)
+
     low, high = limits
-    tried: list[tuple[float, float]] = []
-    amplitude = float(np.sqrt(low * high))
-    top = high
-    for _ in range(ATTEMPTS):
-        attempt = replace(effect, amplitude=amplitude)
-        try:
-            value = gap(stick, simulate(stick.world.with_effects(attempt)).points)
-        except Runaway:
-            if tried and amplitude < 1.5 * tried[-1][0]:
-                break
-            top = amplitude
-            amplitude = (
-                float(np.sqrt(low * amplitude)) if not tried else float(np.sqrt(tried[-1][0] * amplitude))
-            )
-            continue
-        tried.append((amplitude, value))
-        if target / CLOSE <= value <= target * CLOSE:
-            return attempt, value
-        amplitude = _next(tried, target, low, top)
-        if any(abs(np.log(amplitude / was)) < 0.05 for was, _ in tried):
-            break
-    reached = [pair for pair in tried if ACCEPTED[0] <= pair[1] <= ACCEPTED[1]]
+    rough = _seek(roughly, float(np.sqrt(low * high)), limits, target, ROUGH)
+    if not rough:
+        return None
+    found = _seek(truly, _nearest(rough, target)[0], limits, target, FINE)
+    reached = [pair for pair in found if ACCEPTED[0] <= pair[1] <= ACCEPTED[1]]
     if not reached:
         return None
-    amplitude, value = min(reached, key=lambda pair: abs(np.log(pair[1] / target)))
+    amplitude, value = _nearest(reached, target)
     return replace(effect, amplitude=amplitude), value
 
 
-def _next(tried: list[tuple[float, float]], target: float, low: float, high: float) -> float:
+Tried = list[tuple[float, float]]
+"""Amplitudes and the magnitudes they have."""
+
+
+def _seek(
+    measured: Callable[[float], float],
+    amplitude: float,
+    limits: tuple[float, float],
+    target: float,
+    attempts: int,
+) -> Tried:
+    low, top = limits
+    tried: Tried = []
+    for _ in range(attempts):
+        try:
+            value = measured(amplitude)
+        except Runaway:
+            top = amplitude
+            below = max((a for a, _ in tried if a < amplitude), default=low)
+            if amplitude < 1.5 * below:
+                break
+            amplitude = float(np.sqrt(below * amplitude))
+            continue
+        tried.append((amplitude, value))
+        if target / CLOSE <= value <= target * CLOSE:
+            break
+        amplitude = _next(tried, target, low, top)
+        if any(abs(np.log(amplitude / was)) < 0.05 for was, _ in tried):
+            break
+    return tried
+
+
+def _nearest(tried: Tried, target: float) -> tuple[float, float]:
+    return min(tried, key=lambda pair: abs(np.log(max(pair[1], 1e-9) / target)))
+
+
+def _next(tried: Tried, target: float, low: float, high: float) -> float:
     below = [pair for pair in tried if pair[1] < target]
     above = [pair for pair in tried if pair[1] >= target]
     if below and above:
