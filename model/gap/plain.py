@@ -10,9 +10,11 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from model.gap.bodies.body import Body
+from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
 from model.gap.prestress import resting_tensions
 from model.gap.world import Sight, World
+from model.schema import EffectRecord
 from model.simulator.build import build_simulator
 from model.types import Array, Observation
 
@@ -80,6 +82,8 @@ class PlainTwin:
     matter: Matter
     tensions: Float64[Array, " E"]
     """With which the first frame is at rest [N]."""
+    carried: tuple[EffectRecord, ...] = ()
+    """Effects that a given twin has already."""
 
     @classmethod
     def of(cls, body: Body, observation: Observation, matter: Matter | None = None) -> "PlainTwin":
@@ -144,7 +148,8 @@ class PlainTwin:
         )
         sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype))
         controls = torch.from_numpy(seen.controllers).to(dtype) if held else None
-        return World(simulator, sight, seen.times, controls, seen.ground_height)
+        world = World(simulator, sight, seen.times, controls, seen.ground_height)
+        return carrying(world, self.carried) if self.carried else world
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""

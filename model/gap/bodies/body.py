@@ -62,7 +62,7 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
         points, springs, spacing = lattice(places, scale)
     points, springs = _held_points(points, springs, controllers, spacing)
     index, weight = _between(seen, points)
-    grip = _grip(points, controllers, spacing)
+    grip = grip_of(points, controllers, spacing)
     return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
 
 
@@ -110,7 +110,7 @@ def _held_points(
     return np.concatenate([points, new]), np.concatenate([springs, np.array(joined, np.int64)])
 
 
-def _grip(
+def grip_of(
     points: Float64[Array, "P 3"], controllers: Float64[Array, "C 3"], spacing: float
 ) -> Int64[Array, "S 2"]:
     """Every controller holds the points within reach of it."""

@@ -1,0 +1,140 @@
+"""A twin that was given, as the plain twin of an observation."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
+
+from model.bundle import TwinBundle
+from model.formats.parameters import ground_height, scalar
+from model.gap.bodies.body import Body, first_places, grip_of
+from model.gap.bodies.guess import guess_shape
+from model.gap.graph import Graph
+from model.gap.plain import Matter, PlainTwin
+from model.gap.registration import onto_twin
+from model.schema import EffectRecord
+from model.types import Array, Observation
+
+MOST = 300
+"""Points of a graph that a diagnosis, which rolls it out a thousand times, can afford."""
+CORNERS = 8
+"""An observed point is between this many mass points."""
+DISTANCE = 1e-2
+"""What a weight on a point one spacing away costs, over what being a spacing off costs."""
+SAME_HAND = 2.0
+"""Spacings: controllers that start this near to the twin's are the twin's."""
+
+
+def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -> PlainTwin:
+    """A twin as what an observation is compared with; its parameters are where a fit starts.
+
+    Ground and gravity are those of the observation, which may have been moved onto the twin: go on with the
+    `observation` of what is returned.
+
+    Args:
+        bundle: The twin.
+        observation: What moved.
+        most: Points; a finer twin is made coarser, and a warning says so.
+
+    Raises:
+        InputError: the first frame of the observation is not the object of the twin.
+    """
+    fine = Graph.of(bundle)
+    observation = onto_twin(observation, fine.points, fine.spacing)
+    graph, became = fine.within(most)
+    if graph is not fine:
+        warnings.warn(
+            f"the twin's {len(fine.points)} points were merged into {len(graph.points)} for the diagnosis: "
+            "its baseline is that of the coarser twin",
+            stacklevel=2,
+        )
+    _compare_grounds(bundle, observation)
+    theirs = _same_hand(graph, observation)
+    body = _body(graph, observation, theirs)
+    twin = PlainTwin.of(body, observation, _matter(graph, body, bundle, theirs, observation))
+    return replace(
+        twin, carried=tuple(thinned(record, became, len(graph.points)) for record in bundle.effects)
+    )
+
+
+def thinned(record: EffectRecord, became: Int64[Array, " P"], count: int) -> EffectRecord:
+    """An effect on a graph of so many points of which each is the mean of those that became it."""
+    if record.acts_on is None:
+        return record
+    acts = np.bincount(became, record.acts_on, minlength=count) / np.bincount(became, minlength=count).clip(1)
+    return record.model_copy(update={"acts_on": tuple(float(share) for share in acts)})
+
+
+def bound(
+    seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"], spacing: float
+) -> tuple[Int64[Array, "N k"], Float64[Array, "N k"]]:
+    """Each seen place as a weighted sum of the points near it, the nearest above all.
+
+    Args:
+        seen: NaN for one that is never seen.
+        points: Of the twin [m].
+        spacing: Of these [m].
+    """
+    asked = np.where(np.isfinite(seen), seen, points[0])
+    count = min(CORNERS, len(points))
+    index = cKDTree(points).query(asked, k=count)[1].astype(np.int64).reshape(len(seen), count)
+    way = (points[index] - asked[:, None]) / spacing
+    away = DISTANCE * ((way**2).sum(-1) + 1e-3)
+    cost = way @ way.swapaxes(1, 2) + away[:, :, None] * np.eye(count)
+    weight = np.linalg.solve(cost, np.ones((len(seen), count, 1)))[..., 0]
+    return index, weight / weight.sum(1, keepdims=True)
+
+
+def _body(graph: Graph, observation: Observation, theirs: bool) -> Body:
+    points, spacing = graph.points, graph.spacing
+    index, weight = bound(first_places(observation), points, spacing)
+    held = graph.grip if theirs else grip_of(points, observation.controllers[0].astype(np.float64), spacing)
+    share: Float64[Array, " P"] = graph.mass / graph.mass.sum()
+    return Body(guess_shape(points), points, graph.springs, share, index, weight, held, spacing)
+
+
+def _matter(graph: Graph, body: Body, bundle: TwinBundle, theirs: bool, observation: Observation) -> Matter:
+    guessed = Matter.guessed(body, observation)
+    usual = float(np.median(graph.stiffness))
+    start = {
+        "stiffness": usual,
+        "damping": graph.damping / (2.0 * float(np.sqrt(usual * np.median(graph.mass)))),
+        "drag_rate": scalar(bundle.parameters, "drag_rate", 0.0),
+        "prestress": 0.0,
+        "grip": guessed.start["grip"],
+        "friction": scalar(bundle.parameters, "friction", 0.0),
+    }
+    grip_pattern, grip_length = guessed.grip_pattern, guessed.grip_length
+    if theirs:
+        firm = float(np.median(graph.grip_stiffness))
+        start["grip"] = firm / usual
+        grip_pattern, grip_length = graph.grip_stiffness / firm, graph.grip_length
+    return Matter(
+        graph.mass,
+        graph.stiffness / usual,
+        graph.rest_length,
+        grip_pattern,
+        grip_length,
+        start,
+        scalar(bundle.parameters, "restitution", 0.0),
+        scalar(bundle.parameters, "collision_distance", 0.0),
+    )
+
+
+def _same_hand(graph: Graph, observation: Observation) -> bool:
+    """Whether the hand is where the twin's is, so that it holds what the twin's holds."""
+    hand, own = observation.controllers[0].astype(np.float64), graph.controllers
+    if not len(graph.grip) or hand.shape != own.shape:
+        return False
+    return bool(np.linalg.norm(hand - own, axis=1).max() <= SAME_HAND * graph.spacing)
+
+
+def _compare_grounds(bundle: TwinBundle, observation: Observation) -> None:
+    own, other = ground_height(bundle.parameters), observation.ground_height
+    if (own is None) != (other is None):
+        has, lacks = ("observation", "twin") if own is None else ("twin", "observation")
+        warnings.warn(
+            f"the {has} has a ground, the {lacks} none: the observation's word counts", stacklevel=3
+        )

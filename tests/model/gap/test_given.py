@@ -1,0 +1,101 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.bundle import TwinBundle
+from model.gap.carried import record_of
+from model.gap.effects import QuadraticAirDrag
+from model.gap.given import bound, given_twin
+from model.gap.hypothesis import Hypothesis
+from model.types import Observation, Parameter
+
+
+@pytest.fixture
+def twin(twin_path) -> TwinBundle:
+    """The foreign cube without contact, which a graph has and an observation does not tell."""
+    bundle = TwinBundle.load(twin_path)
+    free = {**bundle.parameters.globals, "collision_distance": Parameter(0.0, "m", "user")}
+    return replace(bundle, parameters=replace(bundle.parameters, globals=free))
+
+
+def filmed(twin: TwinBundle, every: int = 2) -> Observation:
+    times = np.arange(5) / 30
+    points = twin.rollout(substeps=200).points
+    return Observation(times=times, points=points[:, ::every], controllers=twin.controls)
+
+
+def at_start(plain):
+    hypothesis = Hypothesis(plain)
+    world = hypothesis.at({name: q.start for name, q in hypothesis.quantities.items()})
+    with torch.no_grad():
+        return world.sight(world.rollout(substeps=200).points).numpy()
+
+
+def test_its_start_is_the_twin_as_it_came(twin):
+    observation = filmed(twin)
+    moved = np.abs(observation.points - observation.points[0]).max()
+    error = np.abs(at_start(given_twin(twin, observation)) - observation.points).max()
+    assert error < 0.01 * moved
+
+
+def test_effects_that_it_carries_go_on(twin):
+    slowed = replace(twin, effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 30.0}),))
+    observation = filmed(slowed)
+    with_it, without = (
+        np.abs(at_start(given_twin(t, observation)) - observation.points).max() for t in (slowed, twin)
+    )
+    assert with_it < 0.1 * without
+
+
+def test_a_finer_twin_is_made_coarser(twin):
+    observation = filmed(twin)
+    whole = tuple(float(z) for z in twin.topology.points[:, 2] > 0.29)
+    here = replace(
+        twin,
+        effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 3.0}).model_copy(update={"acts_on": whole}),),
+    )
+    with pytest.warns(UserWarning, match=r"27 points were merged into \d+"):
+        plain = given_twin(here, observation, most=20)
+    count = len(plain.body.points)
+    assert count <= 20
+    assert len(plain.carried[0].acts_on) == count
+    assert sum(plain.carried[0].acts_on) > 0
+    moved = np.abs(observation.points - observation.points[0]).max()
+    assert np.abs(at_start(plain) - observation.points).mean() < 0.3 * moved
+
+
+def test_another_hand_holds_what_is_near_it(twin):
+    observation = filmed(twin)
+    corner = np.repeat(observation.points[:1, :1], 5, axis=0)
+    plain = given_twin(twin, replace(observation, controllers=corner))
+    assert set(plain.body.grip[:, 0]) == {0}
+    nearest = np.linalg.norm(plain.body.points - corner[0, 0], axis=1).argmin()
+    assert nearest in plain.body.grip[:, 1]
+    assert plain.quantities["grip"].start == 3.0
+
+
+def test_a_hand_that_is_not_seen_holds_nothing(twin):
+    nobody = replace(filmed(twin), controllers=np.zeros((5, 0, 3), np.float32))
+    plain = given_twin(twin, nobody)
+    assert len(plain.body.grip) == 0
+    assert "grip" not in plain.quantities
+
+
+def test_the_observation_says_where_the_ground_is(twin):
+    with pytest.warns(UserWarning, match="the observation has a ground, the twin none"):
+        plain = given_twin(twin, replace(filmed(twin), ground_height=0.1))
+    assert plain.world({n: torch.tensor(q.start) for n, q in plain.quantities.items()}).ground_height == 0.1
+
+
+def test_seen_points_are_bound_where_they_are(twin):
+    points = twin.topology.points.astype(np.float64)
+    rng = np.random.default_rng(2)
+    inside = rng.uniform(points.min(0), points.max(0), (40, 3))
+    seen = np.concatenate([inside, points[:3], np.full((1, 3), np.nan)])
+    index, weight = bound(seen, points, 0.03)
+    places = (weight[..., None] * points[index]).sum(1)
+    assert np.abs(places - seen)[:-1].max() < 0.001
+    assert np.abs(weight).max() < 1.6
+    np.testing.assert_allclose(weight.sum(1), 1.0)
