@@ -15,6 +15,7 @@ namespace {
 
 using Real = double;
 constexpr Real PI = 3.14159265358979323846;
+enum Law { STIFFER, SLACK, PRONY, HYSTERESIS, MULLINS, FIBRE, BULK, SWELLING, LAWS };  // columns of `field`
 
 }  // namespace
 
@@ -36,7 +37,7 @@ extern "C" struct Problem {
   const int32_t *face;          // [faces,3]
   const double *node_area;      // [nodes] m^2, for a rope
   const double *times;          // [frames] s
-  const double *field;          // [elements] 0..1, where the element effects act
+  const double *field;          // [elements,LAWS] 0..1, where each of the element effects acts
   const double *node_field;     // [nodes] 0..1, where the node effects act
   const double *fibre;          // [elements,dim] unit direction in the rest frame
   double anchor_rate;           // 1/s
@@ -160,7 +161,7 @@ template <int D> void slacken(const Lanes *e, Lanes factor, Lanes *T) {
 template <int D> struct Group {
   int32_t corner[LANES][D + 1];
   Lanes gradient[D][D];  // of the shape functions of corners 1..D, in the element's own rest frame
-  Lanes volume, mu, lambda, eta, where, fibre[D];
+  Lanes volume, mu, lambda, eta, where[LAWS], fibre[D];
   Lanes q[2][D * D], z[D * D], peak, quat[4];
 };
 
@@ -214,7 +215,8 @@ template <int D> class Body {
       group.gradient[a][i][lane] = (m[(i + 1) % 3][(a + 1) % 3] * m[(i + 2) % 3][(a + 2) % 3] - m[(i + 1) % 3][(a + 2) % 3] * m[(i + 2) % 3][(a + 1) % 3]) / det;
     const bool real = slot < (size_t)p.elements;  // the rest fill the last group and weigh nothing
     group.volume[lane] = real ? std::fabs(det) / (D == 3 ? 6 : D == 2 ? 2 : 1) : 0;
-    group.mu[lane] = p.mu[e]; group.lambda[lane] = p.lambda[e]; group.eta[lane] = p.eta[e]; group.where[lane] = p.field[e];
+    group.mu[lane] = p.mu[e]; group.lambda[lane] = p.lambda[e]; group.eta[lane] = p.eta[e];
+    for (int law = 0; law < LAWS; ++law) group.where[law][lane] = p.field[e * LAWS + law];
     for (int j = 0; j < D; ++j) group.fibre[j][lane] = p.fibre[e * D + j];
     for (int a = 0; a <= D; ++a) group.corner[lane][a] = c[a];
     group.quat[0][lane] = 1;
@@ -238,7 +240,7 @@ template <int D> class Body {
         s += R[k * D + i] * F[k * D + j] + R[k * D + j] * F[k * D + i];
         r += F[k * D + i] * G[k * D + j] + F[k * D + j] * G[k * D + i];
       }
-      strain[i * D + j] = strain[j * D + i] = i == j ? s * 0.5f - 1 - swollen * own.where : s * 0.5f;
+      strain[i * D + j] = strain[j * D + i] = i == j ? s * 0.5f - 1 - swollen * own.where[SWELLING] : s * 0.5f;
       rate[i * D + j] = rate[j * D + i] = r * 0.5f;
     }
     for (int i = 0; i < D; ++i) trace += strain[i * D + i];
@@ -250,7 +252,7 @@ template <int D> class Body {
       for (int i = 0; i < D; ++i) s += R[k * D + i] * T[i * D + j] + F[k * D + i] * S[i * D + j];
       P[k * D + j] = s;
     }
-    if (D == 3 && p.bulk > 0) add_bulk(F, own.where * (float)p.bulk * (own.lambda + 2 * own.mu), P);
+    if (D == 3 && p.bulk > 0) add_bulk(F, own.where[BULK] * (float)p.bulk * (own.lambda + 2 * own.mu), P);
     for (int k = 0; k < 3; ++k) {
       Lanes sum = {};
       for (int a = 0; a < D; ++a) {
@@ -274,32 +276,32 @@ template <int D> class Body {
     Lanes stiff = twice, share = all(1);
     if (p.fung > 0) {
       const float r = p.fung_rate, top = p.fung / p.fung_rate;
-      stiff += twice * own.where * each(size2, [=](float v) { return top * (std::exp(std::min(r * v, 3.0f)) - 1); });
+      stiff += twice * own.where[STIFFER] * each(size2, [=](float v) { return top * (std::exp(std::min(r * v, 3.0f)) - 1); });
     }
     if (p.power > 0) {
       const float scale = p.power_scale, exponent = p.power_exponent, top = p.power;
-      stiff += twice * own.where * each(size, [=](float v) { return top * std::pow(std::min(v / scale, 2.5f), exponent); });
+      stiff += twice * own.where[STIFFER] * each(size, [=](float v) { return top * std::pow(std::min(v / scale, 2.5f), exponent); });
     }
     if (p.mullins > 0) {
       for (int l = 0; l < LANES; ++l) own.peak[l] = std::max(own.peak[l], size[l]);
       const float scale = p.mullins_scale, top = p.mullins;
-      share -= own.where * each(own.peak - size, [=](float v) { return top * std::erf(v / scale); });
+      share -= own.where[MULLINS] * each(own.peak - size, [=](float v) { return top * std::erf(v / scale); });
     }
-    if (p.hysteresis > 0) share *= 1 - own.where * (float)p.hysteresis;
+    if (p.hysteresis > 0) share *= 1 - own.where[HYSTERESIS] * (float)p.hysteresis;
     for (int i = 0; i < D * D; ++i) T[i] = share * stiff * strain[i];
     for (int i = 0; i < D; ++i) T[i * D + i] += share * own.lambda * trace;
-    if (p.slack > 0) slacken<D>(strain, own.where * (float)p.slack * twice, T);
+    if (p.slack > 0) slacken<D>(strain, own.where[SLACK] * (float)p.slack * twice, T);
     for (int i = 0; i < D * D; ++i) S[i] = own.eta * rate[i];
     if (p.hysteresis > 0) bouc_wen(own, rate, dt, S);
     for (int b = 0; b < 2; ++b) if (p.prony[b] > 0) {
-      const Lanes grow = twice * own.where * (float)(p.prony[b] * p.prony_time[b] * (1 - decay[b]));
+      const Lanes grow = twice * own.where[PRONY] * (float)(p.prony[b] * p.prony_time[b] * (1 - decay[b]));
       for (int i = 0; i < D * D; ++i) { own.q[b][i] = own.q[b][i] * decay[b] + grow * rate[i]; S[i] += own.q[b][i]; }
     }
     if (p.fibre_stiff > 0) {
       Lanes along = all(1e-12f);
       for (int k = 0; k < 3; ++k) { Lanes s = {}; for (int j = 0; j < D; ++j) s += F[k * D + j] * own.fibre[j]; along += s * s; }
       along = root(along);
-      const Lanes pull = twice * own.where * (float)p.fibre_stiff * (along - 1) / along;
+      const Lanes pull = twice * own.where[FIBRE] * (float)p.fibre_stiff * (along - 1) / along;
       for (int i = 0; i < D; ++i) for (int j = 0; j < D; ++j) S[i * D + j] += pull * own.fibre[i] * own.fibre[j];
     }
   }
@@ -320,8 +322,8 @@ template <int D> class Body {
       limit[l] = inner[l] > 0 ? std::min(std::pow(std::sqrt(size2[l]) / yield, sharp) * inner[l] / size2[l], most) : 0;
     for (int i = 0; i < D * D; ++i) own.z[i] += step * (rate[i] - limit * own.z[i]);
     for (int i = 0; i < D; ++i) trace += own.z[i * D + i];
-    for (int i = 0; i < D * D; ++i) S[i] += own.where * part * 2 * own.mu * own.z[i];
-    for (int i = 0; i < D; ++i) S[i * D + i] += own.where * part * own.lambda * trace;
+    for (int i = 0; i < D * D; ++i) S[i] += own.where[HYSTERESIS] * part * 2 * own.mu * own.z[i];
+    for (int i = 0; i < D; ++i) S[i * D + i] += own.where[HYSTERESIS] * part * own.lambda * trace;
   }
 };
 

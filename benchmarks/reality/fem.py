@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 
 from benchmarks.reality.compiled import Engine
-from benchmarks.reality.fem_laws import Laws, Numbers
+from benchmarks.reality.fem_laws import FIELDS, Laws, Numbers
 from benchmarks.reality.hands import follow, held_share
 from benchmarks.reality.meshes import Mesh, mesh
 from benchmarks.reality.skin import attach, carry
@@ -52,7 +52,7 @@ class _Run(Laws):
             "face": body.faces,
             "node_area": body.node_area,
             "times": scene.times,
-            "field": np.ones(len(body.elements)),
+            "field": np.zeros((len(body.elements), len(FIELDS))),
             "node_field": np.ones(count),
             "fibre": np.tile(np.eye(body.dim)[0], (len(body.elements), 1)),
             "out": np.zeros((len(scene.times), count, 3)),

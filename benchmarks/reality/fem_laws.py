@@ -15,6 +15,17 @@ from benchmarks.reality.meshes import Mesh
 from benchmarks.reality.world import Array, Effect, World
 
 Numbers = dict[str, float | tuple[float, ...]]
+FIELDS = (
+    "strain_stiffening",
+    "tension_only",
+    "viscoelasticity",
+    "plasticity",
+    "damage",
+    "anisotropy",
+    "volume_preservation",
+    "shrinkage",
+)
+"""Effects of elements, in the order of `Law` in the engine: each has a place of its own."""
 
 
 class Laws:
@@ -33,7 +44,7 @@ class Laws:
     # The effects.
 
     def _shape_field(self, effect: Effect) -> None:
-        self.arrays["field"] = effect.where(self.middle)
+        self.arrays["field"][:, FIELDS.index(effect.name)] = effect.where(self.middle)
 
     def _strain_stiffening(self, effect: Effect) -> None:
         self._shape_field(effect)

@@ -10,12 +10,12 @@ import pytest
 from benchmarks.reality import fem, generate, labels, lattice
 from benchmarks.reality.effects import ALL, CATALOGUE, OUTSIDE, draw
 from benchmarks.reality.hands import SCRIPTS, stage
-from benchmarks.reality.magnitude import Yardstick, gap, measure, tune
+from benchmarks.reality.magnitude import Simulate, Yardstick, gap, measure, tune
 from benchmarks.reality.meshes import mesh
 from benchmarks.reality.recipe import OBJECTS, category_of, draw_material, draw_recipe
 from benchmarks.reality.sensor import draw_sensor, report
 from benchmarks.reality.skin import attach, carry
-from benchmarks.reality.world import World
+from benchmarks.reality.world import Effect, Field, World
 from model.observation import parse_observation
 from model.observation_doubts import observation_doubts
 
@@ -104,6 +104,18 @@ def test_each_effect_moves_something_and_none_moves_nothing(name: str):
     assert (acts >= 0).all()
     assert (acts <= 1).all()
     assert acts.max() > 0.3
+
+
+@pytest.mark.parametrize("simulate", [fem.simulate, lattice.simulate], ids=["fem", "mujoco"])
+def test_each_of_two_effects_has_its_own_place(simulate: Simulate):
+    world = small("rope", "stretch")
+    middle = tuple(world.shape.surface.mean(axis=0))
+    left, right = (Field("half", middle, (side, 0.0, 0.0), 0.02) for side in (-1.0, 1.0))
+    flow = Effect("viscoelasticity", 3.0, {"fast": 0.05, "slow": 0.3}, left)
+    faint = Effect("plasticity", 1e-9, {"yield": 0.02, "sharpness": 2.0}, right)
+    alone, both = simulate(world.with_effects(flow)).points, simulate(world.with_effects(flow, faint)).points
+    elsewhere = simulate(world.with_effects(replace(flow, where=right))).points
+    assert np.abs(both - alone).max() < 0.01 * np.abs(elsewhere - alone).max()
 
 
 @pytest.mark.parametrize(
