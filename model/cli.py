@@ -263,6 +263,25 @@ def export(twin: Path, target: str, out: Path, as_json: bool) -> None:
 
 @matphys.command()
 @click.argument("twin", type=InputFile)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="The same.")
+@click.option("--compare", is_flag=True, help="Beside it the same twin without the effects that it carries.")
+@click.option("--report", type=click.Path(exists=True, path_type=Path), help="report.json of a diagnosis.")
+@click.option("--observation", type=InputFile, metavar="NPZ", help="What the report is about.")
+def view(
+    twin: Path, host: str, port: int, compare: bool, report: Path | None, observation: Path | None
+) -> None:
+    """Play with TWIN in a browser: pull at it, change what acts on it, save what came of it."""
+    from model.playground.browser.server import open_playground
+
+    _one_thread()
+    playground = open_playground(twin, host, port, compare, report, observation)
+    click.echo(f"{playground.url} (end with Ctrl-C)")
+    playground.run()
+
+
+@matphys.command()
+@click.argument("twin", type=InputFile)
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
 def inspect(twin: Path, as_json: bool) -> None:
     """Say what is inside TWIN."""

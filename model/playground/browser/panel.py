@@ -1,0 +1,213 @@
+"""The controls beside the stage."""
+
+import html
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.playground.browser.scene import Scene
+from model.playground.colors import ColorBy, Legend
+from model.playground.movie import Recording, draw
+from model.playground.pulse import SLOW
+from model.playground.session import Moment, Session
+from model.playground.settings import Settings
+from model.rendering import best_renderer
+
+if TYPE_CHECKING:
+    import viser
+
+TELL = 0.25
+"""Seconds between two looks at the speed: a number that flickers cannot be read."""
+MOVIE_SIDE = 640
+"""Longer side of a recorded video [px]."""
+HELP = (
+    "**Click** the object to make a control point. **Drag** its ball to pull. **Click** the ball to pin it, "
+    "**shift-click** to remove it. Drag elsewhere to turn the view."
+)
+
+
+class Panel:
+    """Sliders and buttons, and what the user should know."""
+
+    def __init__(
+        self, server: "viser.ViserServer", session: Session, scene: Scene, recording: Recording, name: Path
+    ) -> None:
+        """Put everything beside the stage."""
+        self._gui, self._session, self._scene = server.gui, session, scene
+        self._recording, self._name = recording, name.name.removesuffix(".twin.zip").removesuffix(".zip")
+        self._colors = scene.colors
+        self.color_by: ColorBy = "appearance"
+        self._told, self._drawing = 0.0, ""
+        server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="medium")
+        self._state = server.gui.add_markdown("")
+        self._add_motion()
+        self._add_colors()
+        self._add_surroundings(session.moment.settings)
+        self._add_material(session.moment.settings)
+        self._add_results()
+        server.gui.add_markdown(HELP)
+
+    def show(self, moment: Moment) -> None:
+        """Say how things are."""
+        now = time.monotonic()
+        if now - self._told < TELL:
+            return
+        self._told = now
+        _set(self._state, "content", state_text(moment, self._drawing))
+        self._run.label = "Pause" if moment.running else "Go on"
+        self._free.disabled = not moment.hand
+        self._record.label = (
+            f"Stop recording ({self._recording.seconds:.0f} s)" if self._recording.on else "Record a video"
+        )
+
+    def _add_motion(self) -> None:
+        gui, session = self._gui, self._session
+        self._run = gui.add_button("Pause")
+        self._run.on_click(lambda _: session.run(not session.moment.running))
+        play = gui.add_button("Play the recorded motion", disabled=not session.moving)
+        play.on_click(lambda _: session.play())
+        gui.add_button("Back to rest").on_click(lambda _: session.rest())
+        self._free = gui.add_button("Let the hand go", disabled=not session.moment.hand)
+        self._free.on_click(lambda _: session.free())
+        gui.add_button("Remove the control points").on_click(lambda _: session.let_go())
+
+    def _add_colors(self) -> None:
+        choice = self._gui.add_dropdown("Colour by", self._colors.choices, initial_value=self.color_by)
+        self._legend = self._gui.add_html("")
+
+        @choice.on_update
+        def _(event: object) -> None:
+            self.color_by = choice.value
+            self._legend.content = legend_html(
+                self._colors.legend(choice.value, self._session.moment.settings)
+            )
+
+    def _add_surroundings(self, settings: Settings) -> None:
+        gui, change, put = self._gui, self._session.change, self._session.change_one
+        with gui.add_folder("Surroundings"):
+            gravity = gui.add_vector3("Gravity m/s²", settings.gravity, step=0.1)
+            gravity.on_update(lambda _: change(gravity=gravity.value))
+            for axis, name in enumerate("xy"):
+                self._slide(
+                    f"Wind {name} m/s", settings.wind[axis], (-8.0, 8.0), 0.1, partial(put, "wind", axis)
+                )
+            self._slide("Air grip 1/m", settings.air_grip, (0.02, 10.0), 0.02, lambda v: change(air_grip=v))
+            ground = gui.add_checkbox("Ground", settings.ground)
+            ground.on_update(lambda _: change(ground=ground.value))
+            height, room = 100 * settings.ground_height, 100 * self._size()
+            bounds = (round(height - room, 1), round(height + room, 1))
+            self._slide("Ground height cm", height, bounds, 0.1, lambda v: change(ground_height=v / 100))
+            self._slide("Friction", settings.friction, (0.0, 2.0), 0.01, lambda v: change(friction=v))
+            self._slide(
+                "Restitution", settings.restitution, (0.0, 1.0), 0.01, lambda v: change(restitution=v)
+            )
+
+    def _add_material(self, settings: Settings) -> None:
+        gui, bundle = self._gui, self._session.bundle
+        change, put = self._session.change, self._session.change_one
+        with gui.add_folder("Material"):
+            gui.add_markdown("Stiffness, times what it was:")
+            for part in range(len(settings.stiffness)):
+                label = bundle.parts[part].label if part < len(bundle.parts) else f"part {part}"
+                self._slide(f"{label} ×", 1.0, (0.1, 10.0), 0.05, partial(put, "stiffness", part))
+            damping = settings.dashpot_damping
+            high = 5 * damping or 0.1
+            self._slide(
+                "Damping N·s/m", damping, (0.0, high), high / 200, lambda v: change(dashpot_damping=v)
+            )
+            drag = (0.0, max(10.0, settings.drag_rate))
+            self._slide("Drag 1/s", settings.drag_rate, drag, 0.05, lambda v: change(drag_rate=v))
+            if settings.self_contact:
+                contact = gui.add_checkbox("Self-contact", True)
+                contact.on_update(lambda _: change(self_contact=contact.value))
+            if bundle.effects and len(self._session.actors) == 1:
+                names = ", ".join(dict.fromkeys(record.name for record in bundle.effects))
+                effects = gui.add_checkbox(f"Effects: {names}", True)
+                effects.on_update(lambda _: change(effects=effects.value))
+
+    def _add_results(self) -> None:
+        self._record = self._gui.add_button("Record a video")
+        self._record.on_click(self._recorded)
+        self._gui.add_button("Save the edited twin").on_click(self._saved)
+
+    def _slide(
+        self,
+        label: str,
+        value: float,
+        bounds: tuple[float, float],
+        step: float,
+        changed: Callable[[float], None],
+    ) -> None:
+        low, high = min(bounds[0], value), max(bounds[1], value)
+        slider = self._gui.add_slider(label, low, high, step, value)
+        slider.on_update(lambda _: changed(float(slider.value)))
+
+    def _size(self) -> float:
+        return float(np.ptp(self._session.bundle.topology.points, axis=0).max())
+
+    def _recorded(self, event: Any) -> None:  # noqa: ANN401 - viser's event
+        """Begin to record; or stop, draw the video beside all else, and hand it to who asked for it."""
+        if not self._recording.on and not len(self._recording):
+            self._recording.start()
+            return
+        shots, interval = self._recording.stop(), self._session.interval
+        camera, client = self._scene.camera(event.client.camera, MOVIE_SIDE), event.client
+
+        def finish() -> None:
+            self._drawing = f"drawing the video: {len(shots)} frames"
+            try:
+                movie = draw(shots, interval, self._session.actors, self._colors, camera, best_renderer())
+                client.send_file_download(f"{self._name}.mp4", movie)
+            finally:
+                self._drawing = ""
+
+        if shots:
+            threading.Thread(target=finish, name="movie", daemon=True).start()
+
+    def _saved(self, event: Any) -> None:  # noqa: ANN401 - viser's event
+        """Hand the edited twin to who asked for it: nothing is written on the machine that simulates."""
+        name = f"{self._name}.edited.twin.zip"
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            self._session.edited().save(path)
+            event.client.send_file_download(name, path.read_bytes())
+
+
+def state_text(moment: Moment, drawing: str = "") -> str:
+    """How fast time passes, and what the user should know."""
+    speed = "paused" if not moment.running else "starting" if moment.speed is None else _speed(moment.speed)
+    lines = [f"**{speed}**"]
+    if moment.building:
+        lines.append("making the simulator: the first time a kind of it takes seconds")
+    if moment.motion is not None:
+        lines.append(f"recorded motion: {moment.motion:.1f} s")
+    if moment.idle:
+        lines.append(f"cannot act now: {', '.join(moment.idle)}")
+    lines += [line for line in (drawing, moment.message) if line]
+    return "  \n".join(lines)
+
+
+def legend_html(legend: Legend) -> str:
+    """Dots and words; the words come from a bundle, so they are escaped."""
+    rows = (
+        f'<span style="color:rgb({",".join(str(round(255 * part)) for part in color)})">&#9679;</span> '
+        f"{html.escape(words)}"
+        for words, color in legend
+    )
+    return '<div style="padding:0 1em;font-size:0.85em">' + "<br>".join(rows) + "</div>"
+
+
+def _speed(speed: float) -> str:
+    return "real time" if speed >= SLOW else f"{speed:.2f} × real time: slower than real time"
+
+
+def _set(handle: Any, name: str, value: object) -> None:  # noqa: ANN401 - viser's own handle
+    """Send a property only where it changes."""
+    if getattr(handle, name) != value:
+        setattr(handle, name, value)
