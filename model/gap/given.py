@@ -1,5 +1,6 @@
 """A twin that was given, as the plain twin of an observation."""
 
+import math
 import warnings
 from dataclasses import replace
 
@@ -19,6 +20,8 @@ from model.types import Array, Observation
 
 MOST = 300
 """Points of a graph that a diagnosis, which rolls it out a thousand times, can afford."""
+LOOKED_AT = 1500
+"""Points from which the shape of a twin is told."""
 CORNERS = 8
 """An observed point is between this many mass points."""
 DISTANCE = 1e-2
@@ -52,7 +55,7 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
         )
     _compare_grounds(bundle, observation)
     theirs = _same_hand(graph, observation)
-    body = _body(graph, observation, theirs)
+    body = _body(graph, fine, observation, theirs)
     twin = PlainTwin.of(body, observation, _matter(graph, body, bundle, theirs, observation))
     return replace(
         twin, carried=tuple(thinned(record, became, len(graph.points)) for record in bundle.effects)
@@ -87,12 +90,13 @@ def bound(
     return index, weight / weight.sum(1, keepdims=True)
 
 
-def _body(graph: Graph, observation: Observation, theirs: bool) -> Body:
+def _body(graph: Graph, fine: Graph, observation: Observation, theirs: bool) -> Body:
     points, spacing = graph.points, graph.spacing
     index, weight = bound(first_places(observation), points, spacing)
     held = graph.grip if theirs else grip_of(points, observation.controllers[0].astype(np.float64), spacing)
     share: Float64[Array, " P"] = graph.mass / graph.mass.sum()
-    return Body(guess_shape(points), points, graph.springs, share, index, weight, held, spacing)
+    shape = guess_shape(fine.points[:: math.ceil(len(fine.points) / LOOKED_AT)])
+    return Body(shape, points, graph.springs, share, index, weight, held, spacing)
 
 
 def _matter(graph: Graph, body: Body, bundle: TwinBundle, theirs: bool, observation: Observation) -> Matter:

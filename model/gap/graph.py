@@ -127,7 +127,7 @@ def _reach(
 
 
 def _thinned(points: Float64[Array, "P 3"], spacing: float, most: int) -> Int64[Array, " p"]:
-    apart = spacing * (len(points) / most) ** (1 / 3) / FINER**4
+    apart = spacing * (len(points) / most) ** (1 / 3) / FINER**10
     while len(kept := farthest_points(points, apart)) > most:
         apart *= FINER
     return kept
