@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.reality.effects import ALL, draw
-from benchmarks.reality.labels import write_labels
-from benchmarks.reality.magnitude import Simulate, checked_gap, measure, tune
+from benchmarks.reality.labels import PLAIN, SEALED, open_labels, write_labels
+from benchmarks.reality.magnitude import Simulate, checked_gap, hopeless, measure, tune
 from benchmarks.reality.recipe import SPLITS, Recipe, Split, draw_recipe
 from benchmarks.reality.sensor import Sensor, lagging, report
 from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
@@ -67,10 +67,12 @@ def _realise(
     effects: list[Effect] = []
     magnitude: dict[str, float] = {}
     if recipe.names:
+        drawn = [draw(name, recipe.world.shape, 1.0, rng) for name in recipe.names]
+        if any(hopeless(recipe.world, each, ALL[each.name].range, simulate, sensor.noise) for each in drawn):
+            return None
         stick = measure(recipe.world, simulate, sensor.noise)
-        for name in recipe.names:
-            drawn = draw(name, recipe.world.shape, 1.0, rng)
-            tuned = tune(stick, drawn, ALL[name].range, recipe.target, simulate)
+        for each in drawn:
+            tuned = tune(stick, each, ALL[each.name].range, recipe.target, simulate)
             if tuned is None:
                 return None
             effects.append(tuned[0])
@@ -183,12 +185,19 @@ def main(arguments: list[str] | None = None) -> int:
         (options.seed, options.split, i, chosen, options.out)
         for i in range(options.first, options.first + options.count)
     ]
-    began, labels = time.monotonic(), []
+    made = {_name(options.split, options.seed, index) for _, _, index, _, _ in jobs}
+    sealed = options.split == "test"
+    if sealed and (options.out / SEALED).exists():
+        parser.error(f"{options.out} holds sealed worlds, whose labels would be lost: choose another folder")
+    labels = [] if sealed else [label for label in _known(options.out) if label["world"] not in made]
+    began, missed = time.monotonic(), 0
     with ProcessPoolExecutor(options.workers) as pool:
         for done, label in enumerate(pool.map(_work, jobs), 1):
-            if label is not None:
+            if label is None:
+                missed += 1
+            else:
                 labels.append(label)
-                path = write_labels(options.out, labels, sealed=options.split == "test")
+                path = write_labels(options.out, labels, sealed)
             spent = time.monotonic() - began
             left = spent / done * (len(jobs) - done)
             print(f"{done}/{len(jobs)} worlds, {spent:.0f} s, about {left:.0f} s left", flush=True)
@@ -197,7 +206,12 @@ def main(arguments: list[str] | None = None) -> int:
     print(
         f"wrote {len(labels)} worlds and {path}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
     )
-    return 0 if len(labels) == len(jobs) else 1
+    return 1 if missed else 0
+
+
+def _known(folder: Path) -> list[dict[str, Any]]:
+    """Labels of development worlds that are already there."""
+    return open_labels(folder) if (folder / PLAIN).is_file() else []
 
 
 if __name__ == "__main__":

@@ -73,6 +73,23 @@ def changed(material: Material, name: str, by: float) -> Material:
     return replace(material, **{name: getattr(material, name) * factor})
 
 
+def coarser(world: World) -> World:
+    """The same world on another, coarser mesh."""
+    return replace(world, spacing=world.spacing * COARSER, mesh_seed=world.mesh_seed + 1)
+
+
+def hopeless(
+    world: World, effect: Effect, limits: tuple[float, float], simulate: Simulate, noise: float
+) -> bool:
+    """Whether the effect at its largest moves the coarser world less than what counts, before any refit."""
+    plain = coarser(world)
+    try:
+        change = simulate(plain.with_effects(replace(effect, amplitude=limits[1]))).points
+    except Runaway:
+        return False
+    return _rms(change - simulate(plain).points) < ACCEPTED[0] * noise
+
+
 def measure(world: World, simulate: Simulate, noise: float) -> Yardstick:
     """Simulate the base world, its derivatives and its coarser self."""
     base = simulate(world).points
@@ -85,7 +102,7 @@ def measure(world: World, simulate: Simulate, noise: float) -> Yardstick:
         moved = simulate(replace(world, material=changed(world.material, name, step))).points
         columns.append((moved - base).ravel() / step)
     q, r = np.linalg.qr(np.stack(columns, axis=1))
-    other = replace(world, spacing=world.spacing * COARSER, mesh_seed=world.mesh_seed + 1)
+    other = coarser(world)
     coarse = simulate(other).points
     plain = Yardstick(world, base, tuple(names), q, r, noise, 0.0, other, coarse)
     return replace(plain, discretisation=_rms(plain.refit(coarse)[1]))
