@@ -3,20 +3,21 @@
 Imports nothing heavy until a command needs it, so that `--help` answers at once.
 """
 
-import json
 import os
 import sys
 import traceback
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from model.commands.common import InputFile, OutputFile, check_outputs, one_line, one_thread, print_json, warn
+from model.commands.diagnose import diagnose
 from model.doubts import collect_doubts
 from model.errors import InputError
-from model.formats.files import check_writable, replacing
+from model.formats.files import replacing
 from model.progress import StageReport, progress
 from model.version import __version__
 
@@ -26,11 +27,8 @@ if TYPE_CHECKING:
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
-InputFile = click.Path(exists=True, dir_okay=False, path_type=Path)
 JUMP_LIMIT = 0.01
 """How far [m] controls may start from where the controllers rest before a word is said about it."""
-
-OutputFile = click.Path(path_type=Path)
 
 
 def _box(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int, int, int, int] | None:
@@ -96,10 +94,10 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
 
     Nothing but the clip is needed: what is not given is estimated, and the twin says how.
     """
-    _check_outputs(video, out, preview)
+    check_outputs(video, out, preview)
     from model.pipeline import TwinOptions, build_twin
 
-    _one_thread()
+    one_thread()
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     with progress(quiet) as report, collect_doubts() as doubts:
         result = build_twin(video, TwinOptions(**given), report)
@@ -110,12 +108,12 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
     from model.summary import describe, print_stages
 
     if as_json:
-        _print_json({"twin": str(out), "seconds": dict(result.seconds)} | describe(result.bundle))
+        print_json({"twin": str(out), "seconds": dict(result.seconds)} | describe(result.bundle))
     elif not quiet:
         print_stages(result.bundle, result.seconds)
         click.echo(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, {sum(result.seconds.values()):.1f} s)")
     if not quiet:
-        _warn([*result.bundle.manifest.warnings, *doubts])
+        warn([*result.bundle.manifest.warnings, *doubts])
 
 
 @matphys.command()
@@ -144,7 +142,7 @@ def simulate(
     quiet: bool,
 ) -> None:
     """Move TWIN, by the recorded motion of the hand or by another."""
-    _check_outputs(twin, out, video)
+    check_outputs(twin, out, video)
     from model.bundle import TwinBundle
     from model.formats.trajectory import write_trajectory
 
@@ -162,13 +160,13 @@ def simulate(
         "seconds": float(trajectory.times[-1]),
     }
     if as_json:
-        _print_json(result | dict(trajectory.metadata) | {"video": None if video is None else str(video)})
+        print_json(result | dict(trajectory.metadata) | {"video": None if video is None else str(video)})
     elif not quiet:
         click.echo(f"wrote {out} ({frames} frames of {points} points, {trajectory.times[-1]:.2f} s)")
         if video is not None:
             click.echo(f"wrote {video}")
     if not quiet:
-        _warn(doubts)
+        warn(doubts)
 
 
 @matphys.command()
@@ -199,7 +197,7 @@ def observe(
     quiet: bool,
 ) -> None:
     """Say what really moved in SOURCE: a PhysTwin case (final_data.pkl), or a clip with its --twin."""
-    _check_outputs(source, out)
+    check_outputs(source, out)
     from model.observation import write_observation
     from model.observation_doubts import observation_doubts
 
@@ -217,7 +215,7 @@ def observe(
             from model.segmentation import ALL_SEGMENTERS
             from model.tracking import ALL_TRACKERS
 
-            _one_thread()
+            one_thread()
             segmenter = by_name(ALL_SEGMENTERS, segmentation, "segmentation")()
             tracker = by_name(ALL_TRACKERS, tracking, "tracking")()
             bundle = TwinBundle.load(twin)
@@ -227,38 +225,51 @@ def observe(
     if as_json:
         controllers = observation.controllers.shape[1]
         counts = {"frames": frames, "points": points, "controllers": controllers}
-        _print_json({"observation": str(out), **counts, "seconds": float(observation.times[-1])})
+        print_json({"observation": str(out), **counts, "seconds": float(observation.times[-1])})
     elif not quiet:
         click.echo(f"wrote {out} ({frames} frames of {points} points, {observation.times[-1]:.2f} s)")
     if not quiet:
-        _warn([*doubts, *observation_doubts(observation)])
+        warn([*doubts, *observation_doubts(observation)])
 
 
 @matphys.command()
 @click.argument("twin", type=InputFile)
-@click.option("--to", "target", required=True, metavar="FORMAT", help="ply.")
+@click.option(
+    "--to", "target", required=True, metavar="FORMAT", help="mujoco, newton, usd, ply, glb or phystwin."
+)
 @click.option(
     "--out", type=OutputFile, required=True, metavar="PATH", help="A file or folder, as the format has it."
 )
 @click.option(
+    "--points", type=click.IntRange(min=8), metavar="N", help="Coarsen the twin to about N points before."
+)
+@click.option("--frames", is_flag=True, help="ply: a folder with a file per frame of the recorded motion.")
+@click.option(
     "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
 )
-def export(twin: Path, target: str, out: Path, as_json: bool) -> None:
+def export(twin: Path, target: str, out: Path, points: int | None, frames: bool, as_json: bool) -> None:
     """Write TWIN in the format of another program."""
     if out.resolve() == twin.resolve():
         raise InputError(f"{out} is the input: give the output another name")
     from model.bundle import TwinBundle
-    from model.exports import ALL_EXPORTERS
-    from model.registry import by_name
+    from model.exports import exporter_of
 
-    exporter, bundle = by_name(ALL_EXPORTERS, target, "export")(), TwinBundle.load(twin)
+    exporter, bundle = exporter_of(target, every_frame=frames), TwinBundle.load(twin)
     with collect_doubts() as doubts:
+        if points is not None:
+            from model.exports.coarsen import coarsen
+
+            coarse = coarsen(bundle, points)
+            bundle = coarse.twin
         written = [str(path) for path in exporter(bundle, out)]
     if as_json:
-        _print_json({"format": target, "files": written})
+        deviation = None if points is None else coarse.deviation
+        print_json({"format": target, "files": written, "coarsening": deviation})
     else:
+        if points is not None:
+            click.echo(coarse.statement)
         click.echo("\n".join(f"wrote {path}" for path in written))
-    _warn([*exporter.losses(bundle), *doubts])
+    warn([*exporter.losses(bundle), *doubts])
 
 
 @matphys.command()
@@ -274,8 +285,10 @@ def view(
     """Play with TWIN in a browser: pull at it, change what acts on it, save what came of it."""
     from model.playground.browser.server import open_playground
 
-    _one_thread()
-    playground = open_playground(twin, host, port, compare, report, observation)
+    one_thread()
+    with collect_doubts() as doubts:
+        playground = open_playground(twin, host, port, compare, report, observation)
+    _warn(doubts)
     click.echo(f"{playground.url} (end with Ctrl-C)")
     playground.run()
 
@@ -290,9 +303,12 @@ def inspect(twin: Path, as_json: bool) -> None:
 
     bundle = TwinBundle.load(twin)
     if as_json:
-        _print_json(describe(bundle))
+        print_json(describe(bundle))
     else:
         print_twin(bundle)
+
+
+matphys.add_command(diagnose)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -314,26 +330,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(f"matphys: internal error: {type(error).__name__}: {error} ({hint})", OUR_FAULT)
 
 
-def _one_thread() -> None:
-    """Keep torch to one thread unless the user says otherwise.
-
-    Its operations here are small: a second thread gains a tenth when alone, and spins the preview to a
-    quarter of its speed beside OpenCV's own threads. The simulator's kernel has threads of its own.
-    """
-    import torch
-
-    if "OMP_NUM_THREADS" not in os.environ:
-        torch.set_num_threads(1)
-
-
 def _fail(message: str, code: int) -> int:
-    click.echo(_one_line(message), err=True)
+    click.echo(one_line(message), err=True)
     return code
-
-
-def _one_line(message: str) -> str:
-    """The message without line breaks and control codes, whatever a file or an option put into it."""
-    return " ".join("".join(c if c.isprintable() else " " for c in message).split())
 
 
 def _usage(error: click.ClickException) -> str:
@@ -341,18 +340,6 @@ def _usage(error: click.ClickException) -> str:
     command = context.command_path if context is not None else "matphys"
     message = error.format_message().rstrip(".")
     return f"{command}: {message[:1].lower()}{message[1:]} (see {command} --help)"
-
-
-def _check_outputs(source: Path, *outputs: Path | None) -> None:
-    """Refuse, before any work, outputs that cannot be written or would take the place of another file."""
-    taken = {source.resolve(): "the input"}
-    for output in outputs:
-        if output is None:
-            continue
-        check_writable(output)
-        if output.resolve() in taken:
-            raise InputError(f"{output} is {taken[output.resolve()]}: give the output another name")
-        taken[output.resolve()] = "another output"
 
 
 def _roll(
@@ -381,13 +368,3 @@ def _draw(path: Path, bundle: "TwinBundle", trajectory: "Trajectory", report: St
 
     report("video", 0.0)
     write_rollout_video(path, bundle, trajectory, best_renderer())
-
-
-def _warn(doubts: Iterable[str]) -> None:
-    """Each doubt once, a line each, on stderr."""
-    for doubt in dict.fromkeys(doubts):
-        click.echo(f"warning: {_one_line(doubt)}", err=True)
-
-
-def _print_json(content: Mapping[str, Any]) -> None:
-    click.echo(json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False))

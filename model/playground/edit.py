@@ -44,7 +44,8 @@ def edited(bundle: TwinBundle, settings: Settings) -> TwinBundle:
             effects=effects,
             parts=_parts(bundle, stiffness),
         )
-    identity = content_id(bundle.manifest.id, asdict(settings), __version__)
+    chosen = {name: list(v) if isinstance(v, tuple) else v for name, v in asdict(settings).items()}
+    identity = content_id(bundle.manifest.id, chosen, __version__)
     touched = StageRecord(name="playground", method="by hand", version=__version__)
     manifest = bundle.manifest.model_copy(
         update={"id": identity, "stages": (*bundle.manifest.stages, touched), "metrics": {}}

@@ -11,7 +11,7 @@ from model.backdrops import shade, studio
 from model.formats.movie import encode_mp4
 from model.playground.actor import Actor
 from model.playground.colors import ColorBy, Colors
-from model.playground.session import Moment
+from model.playground.moment import Moment
 from model.rendering.base import Renderer
 from model.skinning import Skin
 from model.types import Array, Camera

@@ -3,19 +3,20 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float64
 
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.playground.actor import Actor
 from model.playground.edit import edited
 from model.playground.grip import Grip, grip_on, pick, spring_length
+from model.playground.moment import Moment
 from model.playground.pulse import Pulse
 from model.playground.settings import Settings, settings_of
 from model.types import Array
@@ -24,34 +25,10 @@ SMOOTH = 24.0
 """Frames per second, at least: slower clips are moved in equal shares of their frames."""
 PATIENCE = 0.15
 """Settings are taken over at most every so many seconds of simulated time: each costs a tenth of a second."""
+TRUSTED = 1.0
+"""Settings that went well for so long [s] are what a motion that goes wrong comes back to."""
 APART = 1.5
 """How far twins stand from each other, in widths of them."""
-
-
-@dataclass(frozen=True)
-class Moment:
-    """What there is to see at one time. Never changed, so that any thread may read it."""
-
-    frame: int
-    """Counts all frames that were simulated."""
-    points: tuple[Float32[Array, "N 3"], ...]
-    """Of each actor [m], without its shift."""
-    hands: tuple[Float64[Array, "C 3"], ...]
-    """Where the hand of the clip holds each actor [m]."""
-    grips: tuple[Grip, ...]
-    settings: Settings
-    running: bool
-    motion: float | None
-    """Of the recorded motion [s], while it plays."""
-    hand: bool
-    speed: float | None
-    """Simulated seconds per second."""
-    message: str = ""
-    """The last thing the user should know."""
-    idle: tuple[str, ...] = ()
-    """Effects that cannot act as things are."""
-    building: bool = False
-    """A simulator is being made; the first time that a kind of it is asked for, it is compiled."""
 
 
 @dataclass
@@ -60,7 +37,7 @@ class _Wishes:
 
     settings: Settings
     rebuild: bool = True
-    since: float = field(default=np.inf)
+    since: float = np.inf
     """Simulated time since settings were last taken over [s]."""
 
 
@@ -88,7 +65,8 @@ class Session:
         """There is a recorded motion."""
         self._commands = SimpleQueue[Callable[[], None]]()
         self._wishes = _Wishes(settings_of(bundle))
-        self._settings = self._wishes.settings
+        self._settings = self._trusted = self._wishes.settings
+        self._recoveries = 0
         self._grips: dict[int, Grip] = {}
         self._numbers = self._frame = 0
         self._running, self._hand = True, len(bundle.topology.controller_springs) > 0
@@ -149,7 +127,8 @@ class Session:
     def step(self) -> Moment:
         """Do what was asked, then move on by one frame if time goes on.
 
-        A motion that leaves the numbers is told in the moment's message, and starts again from rest.
+        A motion that leaves the numbers is told in the moment's message, and starts again from rest with
+        settings that are known to go well.
         """
         while True:
             try:
@@ -161,10 +140,7 @@ class Session:
             if self._running:
                 self._advance()
         except InputError as error:
-            self._message = f"{error}: back to rest"
-            self._wishes.settings = self._settings
-            self._restart(False)
-            self._build()
+            self._recover(f"{error}: back to rest")
         self.moment = self._look()
         return self.moment
 
@@ -186,7 +162,15 @@ class Session:
             self._grips[number] = grip.later(self.interval, self.actors[0].positions)
         for actor in self.actors:
             actor.advance(self._motion or 0.0, list(self._grips.values()))
+        if self._wishes.since >= TRUSTED:
+            self._trusted = self._settings
         self._frame += 1
+
+    def _recover(self, message: str) -> None:
+        self._message, self._recoveries = message, self._recoveries + 1
+        self._settings = self._wishes.settings = self._trusted
+        self._restart(False)
+        self._build()
 
     def _take_over(self) -> None:
         """Build the simulators again if something about them has changed."""
@@ -218,6 +202,7 @@ class Session:
             speed=self._pulse.speed if self._running else None,
             message=self._message,
             idle=self.actors[-1].idle,
+            recoveries=self._recoveries,
         )
 
     def _change(self, settings: Mapping[str, Any]) -> None:

@@ -13,9 +13,10 @@ import numpy as np
 
 from model.playground.browser.scene import Scene
 from model.playground.colors import ColorBy, Legend
+from model.playground.moment import Moment
 from model.playground.movie import Recording, draw
 from model.playground.pulse import SLOW
-from model.playground.session import Moment, Session
+from model.playground.session import Session
 from model.playground.settings import Settings
 from model.rendering import best_renderer
 
@@ -43,7 +44,8 @@ class Panel:
         self._recording, self._name = recording, name.name.removesuffix(".twin.zip").removesuffix(".zip")
         self._colors = scene.colors
         self.color_by: ColorBy = "appearance"
-        self._told, self._drawing = 0.0, ""
+        self._told, self._drawing, self._recoveries = 0.0, "", 0
+        self._shown: list[tuple[Any, Callable[[Settings], object]]] = []
         server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="medium")
         self._state = server.gui.add_markdown("")
         self._add_motion()
@@ -60,6 +62,10 @@ class Panel:
             return
         self._told = now
         _set(self._state, "content", state_text(moment, self._drawing))
+        if moment.recoveries != self._recoveries:
+            self._recoveries = moment.recoveries
+            for handle, value in self._shown:
+                handle.value = value(moment.settings)
         self._run.label = "Pause" if moment.running else "Go on"
         self._free.disabled = not moment.hand
         self._record.label = (
@@ -89,64 +95,65 @@ class Panel:
             )
 
     def _add_surroundings(self, settings: Settings) -> None:
-        gui, change, put = self._gui, self._session.change, self._session.change_one
+        gui, change, one = self._gui, self._session.change, self._session.change_one
         with gui.add_folder("Surroundings"):
             gravity = gui.add_vector3("Gravity m/s²", settings.gravity, step=0.1)
-            gravity.on_update(lambda _: change(gravity=gravity.value))
+            self._hear(gravity, lambda s: s.gravity, lambda v: change(gravity=tuple(v)))
             for axis, name in enumerate("xy"):
-                self._slide(
-                    f"Wind {name} m/s", settings.wind[axis], (-8.0, 8.0), 0.1, partial(put, "wind", axis)
-                )
-            self._slide("Air grip 1/m", settings.air_grip, (0.02, 10.0), 0.02, lambda v: change(air_grip=v))
+                wind = self._slider(f"Wind {name} m/s", settings.wind[axis], (-8.0, 8.0), 0.1)
+                self._hear(wind, partial(_item, "wind", axis), partial(one, "wind", axis))
+            grip = self._slider("Air grip 1/m", settings.air_grip, (0.02, 10.0), 0.02)
+            self._hear(grip, lambda s: s.air_grip, lambda v: change(air_grip=v))
             ground = gui.add_checkbox("Ground", settings.ground)
-            ground.on_update(lambda _: change(ground=ground.value))
-            height, room = 100 * settings.ground_height, 100 * self._size()
-            bounds = (round(height - room, 1), round(height + room, 1))
-            self._slide("Ground height cm", height, bounds, 0.1, lambda v: change(ground_height=v / 100))
-            self._slide("Friction", settings.friction, (0.0, 2.0), 0.01, lambda v: change(friction=v))
-            self._slide(
-                "Restitution", settings.restitution, (0.0, 1.0), 0.01, lambda v: change(restitution=v)
-            )
+            self._hear(ground, lambda s: s.ground, lambda v: change(ground=v))
+            low, room = 100 * settings.ground_height, 100 * self._size()
+            height = self._slider("Ground height cm", low, (round(low - room, 1), round(low + room, 1)), 0.1)
+            self._hear(height, lambda s: 100 * s.ground_height, lambda v: change(ground_height=v / 100))
+            friction = self._slider("Friction", settings.friction, (0.0, 2.0), 0.01)
+            self._hear(friction, lambda s: s.friction, lambda v: change(friction=v))
+            bounce = self._slider("Restitution", settings.restitution, (0.0, 1.0), 0.01)
+            self._hear(bounce, lambda s: s.restitution, lambda v: change(restitution=v))
 
     def _add_material(self, settings: Settings) -> None:
         gui, bundle = self._gui, self._session.bundle
-        change, put = self._session.change, self._session.change_one
+        change, one = self._session.change, self._session.change_one
         with gui.add_folder("Material"):
             gui.add_markdown("Stiffness, times what it was:")
             for part in range(len(settings.stiffness)):
                 label = bundle.parts[part].label if part < len(bundle.parts) else f"part {part}"
-                self._slide(f"{label} ×", 1.0, (0.1, 10.0), 0.05, partial(put, "stiffness", part))
-            damping = settings.dashpot_damping
-            high = 5 * damping or 0.1
-            self._slide(
-                "Damping N·s/m", damping, (0.0, high), high / 200, lambda v: change(dashpot_damping=v)
-            )
-            drag = (0.0, max(10.0, settings.drag_rate))
-            self._slide("Drag 1/s", settings.drag_rate, drag, 0.05, lambda v: change(drag_rate=v))
+                factor = self._slider(f"{label} ×", 1.0, (0.1, 10.0), 0.05)
+                self._hear(factor, partial(_item, "stiffness", part), partial(one, "stiffness", part))
+            high = 5 * settings.dashpot_damping or 0.1
+            damping = self._slider("Damping N·s/m", settings.dashpot_damping, (0.0, high), high / 200)
+            self._hear(damping, lambda s: s.dashpot_damping, lambda v: change(dashpot_damping=v))
+            drag = self._slider("Drag 1/s", settings.drag_rate, (0.0, 10.0), 0.05)
+            self._hear(drag, lambda s: s.drag_rate, lambda v: change(drag_rate=v))
             if settings.self_contact:
                 contact = gui.add_checkbox("Self-contact", True)
-                contact.on_update(lambda _: change(self_contact=contact.value))
+                self._hear(contact, lambda s: s.self_contact, lambda v: change(self_contact=v))
             if bundle.effects and len(self._session.actors) == 1:
                 names = ", ".join(dict.fromkeys(record.name for record in bundle.effects))
                 effects = gui.add_checkbox(f"Effects: {names}", True)
-                effects.on_update(lambda _: change(effects=effects.value))
+                self._hear(effects, lambda s: s.effects, lambda v: change(effects=v))
 
     def _add_results(self) -> None:
         self._record = self._gui.add_button("Record a video")
         self._record.on_click(self._recorded)
         self._gui.add_button("Save the edited twin").on_click(self._saved)
 
-    def _slide(
+    def _slider(self, label: str, value: float, bounds: tuple[float, float], step: float) -> Any:  # noqa: ANN401
+        """One whose bounds include its value."""
+        return self._gui.add_slider(label, min(bounds[0], value), max(bounds[1], value), step, value)
+
+    def _hear(
         self,
-        label: str,
-        value: float,
-        bounds: tuple[float, float],
-        step: float,
-        changed: Callable[[float], None],
+        handle: Any,  # noqa: ANN401 - viser's own handle
+        value: Callable[[Settings], object],
+        changed: Callable[[Any], None],
     ) -> None:
-        low, high = min(bounds[0], value), max(bounds[1], value)
-        slider = self._gui.add_slider(label, low, high, step, value)
-        slider.on_update(lambda _: changed(float(slider.value)))
+        """Pass on what the user sets; `value` says what there is to show when settings come back."""
+        handle.on_update(lambda _: changed(handle.value))
+        self._shown.append((handle, value))
 
     def _size(self) -> float:
         return float(np.ptp(self._session.bundle.topology.points, axis=0).max())
@@ -205,6 +212,10 @@ def legend_html(legend: Legend) -> str:
 
 def _speed(speed: float) -> str:
     return "real time" if speed >= SLOW else f"{speed:.2f} × real time: slower than real time"
+
+
+def _item(name: str, index: int, settings: Settings) -> float:
+    return float(getattr(settings, name)[index])
 
 
 def _set(handle: Any, name: str, value: object) -> None:  # noqa: ANN401 - viser's own handle

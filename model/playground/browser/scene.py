@@ -9,7 +9,8 @@ from model.playground.actor import Actor
 from model.playground.colors import ColorBy, Colors
 from model.playground.grip import Grip, spring_length
 from model.playground.look import Look
-from model.playground.session import Moment, Session
+from model.playground.moment import Moment
+from model.playground.session import Session
 from model.types import Array, Camera
 
 if TYPE_CHECKING:

@@ -1,0 +1,27 @@
+from dataclasses import replace
+
+import pytest
+
+from model.playground.browser.panel import legend_html, state_text
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"),
+    [(1.0, "**real time**"), (0.42, "**0.42 × real time: slower than real time**"), (None, "**starting**")],
+)
+def test_how_fast_time_passes_is_said(session, speed, said):
+    assert state_text(replace(session.moment, speed=speed)) == said
+
+
+def test_what_the_user_should_know_is_said(session):
+    moment = replace(session.moment, running=False, motion=1.25, idle=("grip_slip",), message="it broke")
+    text = state_text(replace(moment, building=True), "drawing the video: 9 frames")
+    for words in ("paused", "1.2 s", "grip_slip", "it broke", "making the simulator", "9 frames"):
+        assert words in text
+
+
+def test_words_of_a_bundle_are_no_markup():
+    shown = legend_html((("<b>body</b>", (1.0, 0.5, 0.0)),))
+    assert "<b>" not in shown
+    assert "&lt;b&gt;body" in shown
+    assert "rgb(255,128,0)" in shown
