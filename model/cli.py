@@ -15,6 +15,7 @@ import click
 
 from model.commands.common import InputFile, OutputFile, check_outputs, one_line, one_thread, print_json, warn
 from model.commands.diagnose import diagnose
+from model.commands.view import view
 from model.doubts import collect_doubts
 from model.errors import InputError
 from model.formats.files import replacing
@@ -274,27 +275,6 @@ def export(twin: Path, target: str, out: Path, points: int | None, frames: bool,
 
 @matphys.command()
 @click.argument("twin", type=InputFile)
-@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
-@click.option("--port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="The same.")
-@click.option("--compare", is_flag=True, help="Beside it the same twin without the effects that it carries.")
-@click.option("--report", type=click.Path(exists=True, path_type=Path), help="report.json of a diagnosis.")
-@click.option("--observation", type=InputFile, metavar="NPZ", help="What the report is about.")
-def view(
-    twin: Path, host: str, port: int, compare: bool, report: Path | None, observation: Path | None
-) -> None:
-    """Play with TWIN in a browser: pull at it, change what acts on it, save what came of it."""
-    from model.playground.browser.server import open_playground
-
-    one_thread()
-    with collect_doubts() as doubts:
-        playground = open_playground(twin, host, port, compare, report, observation)
-    _warn(doubts)
-    click.echo(f"{playground.url} (end with Ctrl-C)")
-    playground.run()
-
-
-@matphys.command()
-@click.argument("twin", type=InputFile)
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
 def inspect(twin: Path, as_json: bool) -> None:
     """Say what is inside TWIN."""
@@ -309,6 +289,7 @@ def inspect(twin: Path, as_json: bool) -> None:
 
 
 matphys.add_command(diagnose)
+matphys.add_command(view)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -72,10 +72,10 @@ def test_other_points_need_the_observation(report, twin, tmp_path):
 
 def test_each_point_takes_what_is_observed_around_it(report, twin, tmp_path):
     near = (
-        np.repeat(twin.topology.points[[3, 20]], 5, axis=0)
-        + np.linspace(0, 1e-3, 10, dtype=np.float32)[:, None]
+        np.repeat(twin.topology.points[[3, 20]], 4, axis=0)
+        + np.linspace(0, 1e-3, 8, dtype=np.float32)[:, None]
     )
-    where = read_where(report(10), twin, seen(tmp_path, near))
+    where = read_where(report(8), twin, seen(tmp_path, near))
     assert where.gap[3] == 1.0
     assert where.gap[20] == 0.0
     assert where.effect[20] > 0.0
