@@ -15,6 +15,7 @@ import click
 
 from model.commands.common import InputFile, OutputFile, check_outputs, one_line, one_thread, print_json, warn
 from model.commands.diagnose import diagnose
+from model.commands.export import export
 from model.commands.view import view
 from model.doubts import collect_doubts
 from model.errors import InputError
@@ -235,46 +236,6 @@ def observe(
 
 @matphys.command()
 @click.argument("twin", type=InputFile)
-@click.option(
-    "--to", "target", required=True, metavar="FORMAT", help="mujoco, newton, usd, ply, glb or phystwin."
-)
-@click.option(
-    "--out", type=OutputFile, required=True, metavar="PATH", help="A file or folder, as the format has it."
-)
-@click.option(
-    "--points", type=click.IntRange(min=8), metavar="N", help="Coarsen the twin to about N points before."
-)
-@click.option("--frames", is_flag=True, help="ply: a folder with a file per frame of the recorded motion.")
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
-)
-def export(twin: Path, target: str, out: Path, points: int | None, frames: bool, as_json: bool) -> None:
-    """Write TWIN in the format of another program."""
-    if out.resolve() == twin.resolve():
-        raise InputError(f"{out} is the input: give the output another name")
-    from model.bundle import TwinBundle
-    from model.exports import exporter_of
-
-    exporter, bundle = exporter_of(target, every_frame=frames), TwinBundle.load(twin)
-    with collect_doubts() as doubts:
-        if points is not None:
-            from model.exports.coarsen import coarsen
-
-            coarse = coarsen(bundle, points)
-            bundle = coarse.twin
-        written = [str(path) for path in exporter(bundle, out)]
-    if as_json:
-        deviation = None if points is None else coarse.deviation
-        print_json({"format": target, "files": written, "coarsening": deviation})
-    else:
-        if points is not None:
-            click.echo(coarse.statement)
-        click.echo("\n".join(f"wrote {path}" for path in written))
-    warn([*exporter.losses(bundle), *doubts])
-
-
-@matphys.command()
-@click.argument("twin", type=InputFile)
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
 def inspect(twin: Path, as_json: bool) -> None:
     """Say what is inside TWIN."""
@@ -289,6 +250,7 @@ def inspect(twin: Path, as_json: bool) -> None:
 
 
 matphys.add_command(diagnose)
+matphys.add_command(export)
 matphys.add_command(view)
 
 

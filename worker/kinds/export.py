@@ -11,7 +11,14 @@ from model.errors import InputError
 from worker.kinds.base import Kind, Outcome, Run
 from worker.kinds.twin import BUNDLE
 
-FORMATS: Final[Mapping[str, str]] = {"ply": "twin.ply"}
+FORMATS: Final[Mapping[str, str]] = {
+    "ply": "twin.ply",
+    "glb": "twin.glb",
+    "usd": "twin.usdc",
+    "mujoco": "mujoco",
+    "newton": "newton",
+    "phystwin": "phystwin",
+}
 """Name of the format → the file or the folder that its exporter writes. A folder is published as a zip."""
 
 

@@ -29,7 +29,7 @@ def gaussians() -> Gaussians:
 def test_exporters_have_names_of_the_contract():
     names = [exporter.name for exporter in ALL_EXPORTERS]
     assert len(set(names)) == len(names)
-    assert set(names) <= {"mujoco", "newton", "usd", "ply", "phystwin"}
+    assert set(names) == {"mujoco", "newton", "usd", "ply", "glb", "phystwin"}
 
 
 def test_says_what_it_wrote(twin_path: Path, tmp_path: Path):

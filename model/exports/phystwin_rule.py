@@ -1,0 +1,104 @@
+"""The rule by which PhysTwin joins points, sought backwards: which radius and count give these springs?"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int, Int64
+from scipy.spatial import cKDTree
+
+from model.errors import InputError
+from model.types import Array
+
+TIE = 1e-5
+"""Relative difference below which two distances are in no order that single precision keeps."""
+SHORTEST = 1e-4
+"""Springs shorter than this are not made there [m]."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """Every point joins its nearest neighbours, `neighbours` of them at most, within `radius`."""
+
+    radius: float
+    """[m]."""
+    neighbours: int
+    """As its search counts: of a point of the object, the point itself included."""
+    order: Int64[Array, " E"]
+    """Which of the given springs is first, second, … by the rule."""
+
+
+def spring_rule(
+    points: Float64[Array, "N 3"],
+    springs: Int[Array, "E 2"],
+    centers: Float64[Array, "C 3"] | None = None,
+) -> Rule:
+    """The rule that gives exactly these springs.
+
+    Args:
+        points: Rest places [m].
+        springs: Pairs of points; with `centers`, pairs (center, point).
+        centers: What joins points, where it is not the points themselves [m].
+
+    Raises:
+        InputError: no radius and count give these springs, or they depend on distances that are equal.
+
+    Reference:
+        Jiang et al. (2025), PhysTwin, and its code (qqtt/engine/trainer_warp.py, `_init_start`).
+    """
+    what = "springs" if centers is None else "controller springs"
+    if not len(springs):
+        raise InputError(f"phystwin: there are no {what}")
+    single = points.astype(np.float32).astype(np.float64)
+    origin = single if centers is None else centers.astype(np.float32).astype(np.float64)
+    longest = float(np.linalg.norm(origin[springs[:, 0]] - single[springs[:, 1]], axis=1).max())
+    rows = [
+        np.array(row, np.int64) for row in cKDTree(single).query_ball_point(origin, longest * (1 + TIE / 2))
+    ]
+    distances = [np.linalg.norm(single[row] - place, axis=1) for row, place in zip(rows, origin, strict=True)]
+    ranked = [np.argsort(away, kind="stable") for away in distances]
+    rows = [row[rank] for row, rank in zip(rows, ranked, strict=True)]
+    distances = [away[rank] for away, rank in zip(distances, ranked, strict=True)]
+    wanted = {_key(pair, centers is None): number for number, pair in enumerate(springs.tolist())}
+    low, high = 1, max(len(row) for row in rows)
+    while low < high:
+        middle = (low + high) // 2
+        enough = len(_join(rows, distances, middle, centers is None)) >= len(wanted)
+        low, high = (low, middle) if enough else (middle + 1, high)
+    made = _join(rows, distances, low, centers is None)
+    if set(made) != set(wanted):
+        raise InputError(
+            f"phystwin: no radius and number of neighbours give the {what} of this twin: its playground "
+            f"joins the nearest points within {longest:.3g} m, which would be {len(made)} or so, and the "
+            f"twin has {len(wanted)}"
+        )
+    _refuse_ties(distances, low, what)
+    radius = longest * (1 + TIE / 4)
+    return Rule(radius, low, np.array([wanted[pair] for pair in made], np.int64))
+
+
+def _join(
+    rows: list[Int64[Array, " k"]], distances: list[Float64[Array, " k"]], count: int, own: bool
+) -> list[tuple[int, int]]:
+    """The springs by the rule, in its order."""
+    made: dict[tuple[int, int], None] = {}
+    for i, (row, away) in enumerate(zip(rows, distances, strict=True)):
+        near = row[:count][1:] if own else row[:count]
+        far = away[:count][1:] if own else away[:count]
+        for j in near[far > SHORTEST].tolist() if own else near.tolist():
+            made.setdefault(_key((i, j), own))
+    return list(made)
+
+
+def _key(pair: "tuple[int, int] | list[int]", own: bool) -> tuple[int, int]:
+    first, second = pair
+    return (min(first, second), max(first, second)) if own else (first, second)
+
+
+def _refuse_ties(distances: list[Float64[Array, " k"]], count: int, what: str) -> None:
+    """Its order, and who is the last of the neighbours, would be chance among equal distances."""
+    for away in distances:
+        kept = away[: count + 1]
+        if (np.diff(kept) <= TIE * kept[1:]).any():
+            raise InputError(
+                f"phystwin: some {what} are equally long, and its playground would take them in any order"
+            )

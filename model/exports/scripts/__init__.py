@@ -1,0 +1,1 @@
+"""Scripts that travel with an export, copied as they are: they import nothing of ours."""
