@@ -1,7 +1,8 @@
 """The only file that knows the order of the stages."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+import importlib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import get_args
@@ -11,11 +12,18 @@ from pydantic import JsonValue
 
 from model.bundle import TwinBundle
 from model.controllers import find_controllers, grip_paths, read_controllers
+from model.doubts import collect_doubts
 from model.encoders import ALL_ENCODERS, SemanticEncoder
 from model.errors import InputError
+from model.gap.bodies.body import body_of
+from model.gap.diagnosis import Diagnosis
+from model.gap.given import given_twin
+from model.gap.plain import PlainTwin
+from model.gap.result import DiagnosisResult
 from model.grip_choice import choose_grip
 from model.lifting import lift_features, visible_gaussians
 from model.manifest import describe_parts, write_manifest
+from model.observation import read_observation
 from model.part_views import view_parts
 from model.parts import segment_parts
 from model.predictor import ALL_PREDICTORS, ParameterPredictor
@@ -175,6 +183,42 @@ def build_twin(video: Path, options: TwinOptions, report: StageReport) -> TwinRe
     bundle = _replay(bundle, sight, methods.renderer, log)
     report("done", 1.0)
     return TwinResult(bundle, log.seconds)
+
+
+def diagnose(
+    observation: Path, twin: Path | None, transfer: Path | None, report: StageReport
+) -> DiagnosisResult:
+    """Say where a twin departs from what really moved, which effect it lacks, and how far the gap shrinks.
+
+    Args:
+        observation: What really moved.
+        twin: What it is compared with; None: a plain twin made of the observation.
+        transfer: A second interaction with the same object.
+        report: Told which stage begins and how far the whole is.
+
+    Raises:
+        InputError: a file cannot be used, or they do not belong together; the message is one line.
+    """
+    find = importlib.import_module("model.gap.diagnose").diagnose
+
+    report("observation", 0.0)
+    with collect_doubts() as doubts:
+        seen = read_observation(observation)
+        other = None if transfer is None else read_observation(transfer)
+        bundle = None if twin is None else TwinBundle.load(twin)
+        given = None if bundle is None else given_twin(bundle, seen)
+        found = find(seen if given is None else given.observation, given, other, report)
+    plain = given or PlainTwin.of(body_of(seen), seen)
+    report("done", 1.0)
+    return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle)
+
+
+def _doubted(found: Diagnosis, doubts: Sequence[str]) -> Diagnosis:
+    """The diagnosis with what its input gave reason to doubt among the warnings of its report."""
+    report = found.findings.report
+    said = tuple(dict.fromkeys([*report.warnings, *doubts]))
+    findings = replace(found.findings, report=report.model_copy(update={"warnings": said}))
+    return replace(found, findings=findings)
 
 
 def _choose(options: TwinOptions) -> _Methods:

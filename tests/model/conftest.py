@@ -5,6 +5,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -14,6 +15,10 @@ from safetensors.numpy import save
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.movie import encode_mp4
+
+if TYPE_CHECKING:
+    from model.gap.report.findings import Findings
+    from model.types import Observation
 
 PROPERTIES = [
     *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),
@@ -182,3 +187,58 @@ def plush_clip(tmp_path_factory: pytest.TempPathFactory) -> Clip:
     path = tmp_path_factory.mktemp("plush") / "plush.mp4"
     path.write_bytes(encode_mp4(images, np.arange(count) / 30))
     return Clip(path, np.stack(images), np.stack(things))
+
+
+@pytest.fixture
+def found() -> Callable[..., "Findings"]:
+    """Findings about any observation, with numbers that belong together: `found(observation, effect)`."""
+    return _found
+
+
+def _found(observation: "Observation", effect: str = "wind") -> "Findings":
+    from model.gap.report.findings import Findings
+    from model.gap.schema import EFFECT_NAMES, SCHEMA, GapReport
+
+    frames, points = observation.points.shape[:2]
+    named = effect in EFFECT_NAMES
+    first = sorted(EFFECT_NAMES, key=lambda name: name != effect)
+    chances = [0.9 if named and i == 0 else 0.001 for i in range(len(first))]
+    content = {
+        "schema": SCHEMA,
+        "verdict": {"effect": effect, "probability": 0.9},
+        "gap": {
+            "baseline": 0.02,
+            "refit": 0.011,
+            "noise_floor": 0.001,
+            "heldout": [[0.0, float(observation.times[-1])]],
+        }
+        | ({"with_effect": 0.003, "closed_fraction": 0.8} if named else {}),
+        "effects": [{"name": name, "probability": p} for name, p in zip(first, chances, strict=True)],
+        "where": {
+            "points": [1 / points] * points,
+            "frames": [1 / frames] * frames,
+            "acts_on": [float(named)] * points,
+        },
+        "sources": {
+            "perception": 0.1,
+            "actuation": 0.0,
+            "parameters": 0.4,
+            "physics": 0.5,
+            "unexplained": 0.0,
+        },
+        "warnings": ["said by the diagnosis"],
+    }
+    rest = np.nan_to_num(observation.points[0])
+    return Findings(
+        report=GapReport.model_validate_json(json.dumps(content)),
+        times=observation.times,
+        observed=observation.points,
+        before=np.repeat(rest[None], frames, 0),
+        error_baseline=np.full(frames, 0.02),
+        error_refit=np.full(frames, 0.011),
+        rest=rest,
+        controllers=observation.controllers,
+        after=np.repeat(rest[None], frames, 0) if named else None,
+        error_after=np.full(frames, 0.003) if named else None,
+        ground_height=observation.ground_height,
+    )

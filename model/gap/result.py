@@ -1,0 +1,43 @@
+"""A diagnosis with all that it was made of, for whoever writes it down."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from model.bundle import TwinBundle
+from model.gap.diagnosis import Diagnosis
+from model.gap.plain import PlainTwin
+from model.gap.report.statement import stated
+from model.gap.schema import GapReport
+from model.gap.write_back import twin_of, with_findings
+from model.types import Observation
+
+
+@dataclass(frozen=True)
+class DiagnosisResult:
+    """What was diagnosed, and what was found."""
+
+    diagnosis: Diagnosis
+    observation: Observation
+    plain: PlainTwin
+    """The twin that the observation was compared with."""
+    bundle: TwinBundle | None = None
+    """The twin that was given, if one was."""
+
+    @property
+    def report(self) -> GapReport:
+        """The gap report, its verdict stated."""
+        return stated(self.diagnosis.findings.report)
+
+    def write_report(self, folder: Path) -> tuple[Path, ...]:
+        """Write the report and its figures; see `model.gap.report.write`."""
+        from model.gap.report.write import write_report  # draws with matplotlib, which takes a second
+
+        return write_report(self.diagnosis.findings, folder)
+
+    def twin(self) -> TwinBundle | None:
+        """The twin with what was found, or one made of the observation; None: nothing to carry was found."""
+        if not self.diagnosis.effects:
+            return None
+        if self.bundle is None:
+            return twin_of(self.observation, self.diagnosis, self.plain)
+        return with_findings(self.bundle, self.observation, self.diagnosis)

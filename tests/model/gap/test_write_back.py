@@ -1,0 +1,134 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.bundle import TwinBundle
+from model.gap.bodies.body import body_of
+from model.gap.carried import record_of
+from model.gap.diagnosis import Diagnosis
+from model.gap.effects import QuadraticAirDrag, SteadyWind
+from model.gap.given import given_twin
+from model.gap.plain import PlainTwin
+from model.gap.write_back import twin_of, with_findings
+from model.types import Observation, Parameter
+
+DRAG = record_of(QuadraticAirDrag, {"drag_per_mass": 3.0})
+
+
+@pytest.fixture
+def twin(twin_path) -> TwinBundle:
+    bundle = TwinBundle.load(twin_path)
+    free = {**bundle.parameters.globals, "collision_distance": Parameter(0.0, "m", "user")}
+    return replace(bundle, parameters=replace(bundle.parameters, globals=free), preview=b"movie")
+
+
+@pytest.fixture
+def seen(twin) -> Observation:
+    points = twin.rollout(substeps=100).points[:, ::2]
+    return Observation(times=np.arange(5) / 30, points=points, controllers=twin.controls)
+
+
+def starts(plain: PlainTwin, **others: float) -> dict[str, float]:
+    return {name: quantity.start for name, quantity in plain.quantities.items()} | others
+
+
+def predicted(plain: PlainTwin, values: dict[str, float]) -> np.ndarray:
+    with torch.no_grad():
+        world = plain.world({name: torch.tensor(value).double() for name, value in values.items()})
+        return world.rollout(substeps=200).points.numpy()
+
+
+class TestGiven:
+    def test_the_effect_is_added_and_the_rest_stays(self, twin, seen, found, tmp_path):
+        wind = record_of(SteadyWind, {"drag_per_mass": 1.0, "x": 1.0, "y": 0.0})
+        old = replace(twin, effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 1.0}), wind))
+        new = with_findings(old, seen, Diagnosis(found(seen, "quadratic_air_drag"), (DRAG,)))
+        assert new.effects == (wind, DRAG)
+        assert new.preview is None
+        assert new.manifest.id != old.manifest.id
+        assert new.manifest.stages[-1].name == "diagnosis"
+        np.testing.assert_array_equal(new.parameters.stiffness, old.parameters.stiffness)
+        np.testing.assert_array_equal(new.controls, old.controls)
+        new.save(tmp_path / "new.twin.zip")
+        assert TwinBundle.load(tmp_path / "new.twin.zip").effects == new.effects
+
+    def test_parameters_that_were_fitted_with_it_come_along(self, twin, seen, found):
+        plain = given_twin(twin, seen)
+        values = starts(plain, gradient_1=0.4, prestress=0.5, drag_rate=2.0)
+        values |= {"stiffness": 2.0 * values["stiffness"], "quadratic_air_drag.drag_per_mass": 3.0}
+        new = with_findings(twin, seen, Diagnosis(found(seen), (), values))
+        ours = {name: value for name, value in values.items() if "." not in name}
+        np.testing.assert_allclose(new.rollout(substeps=200).points, predicted(plain, ours), atol=1e-5)
+        drag = new.parameters.globals["drag_rate"]
+        assert (drag.value, drag.unit, drag.source) == (pytest.approx(2.0), "1/s", "fitted")
+        assert new.parameters.globals["friction"] == twin.parameters.globals["friction"]
+
+    def test_a_coarser_fit_is_written_to_all_points(self, twin, seen, found):
+        with pytest.warns(UserWarning, match="merged"):
+            plain = given_twin(twin, seen, 20)
+        count = len(plain.body.points)
+        assert count < 27
+        values = starts(plain)
+        values["stiffness"] *= 3.0
+        drag = DRAG.model_copy(update={"acts_on": tuple(np.linspace(0, 1, count))})
+        new = with_findings(twin, seen, Diagnosis(found(seen), (drag,), values), 20)
+        np.testing.assert_allclose(new.parameters.stiffness, 3.0 * twin.parameters.stiffness, rtol=1e-5)
+        assert len(new.effects[0].acts_on) == 27
+        assert set(new.effects[0].acts_on) == set(drag.acts_on)
+
+    def test_another_hand_leaves_the_grip_of_the_twin(self, twin, seen, found):
+        elsewhere = replace(seen, controllers=np.repeat(seen.points[:1, :1], 5, axis=0))
+        plain = given_twin(twin, elsewhere)
+        new = with_findings(twin, elsewhere, Diagnosis(found(seen), (DRAG,), starts(plain, grip=9.0)))
+        np.testing.assert_array_equal(
+            new.parameters.controller_stiffness, twin.parameters.controller_stiffness
+        )
+
+
+class TestMade:
+    @pytest.fixture
+    def hung(self) -> Observation:
+        """A strip of cloth, held at one end, one point never seen, with colours and a ground."""
+        u, v = np.meshgrid(np.linspace(0, 0.3, 9), np.linspace(0, 0.1, 4), indexing="ij")
+        places = np.stack([u, v, 1 - 0.2 * u], -1).reshape(-1, 3).astype(np.float32)
+        points = np.repeat(places[None], 6, 0)
+        points[:, 7] = np.nan
+        hand = np.repeat(places[None, :4], 6, 0)
+        hand[..., 1] += np.linspace(0, 0.05, 6, dtype=np.float32)[:, None]
+        colors = np.tile(np.array([[255, 0, 51]], np.uint8), (len(places), 1))
+        return Observation(np.arange(6) / 25, points, hand, ground_height=0.5, colors=colors)
+
+    def test_moves_as_what_was_diagnosed(self, hung, found, tmp_path):
+        plain = PlainTwin.of(body_of(hung), hung)
+        values = starts(plain, drag_rate=1.5)
+        made = twin_of(hung, Diagnosis(found(hung), (DRAG,), values), plain)
+        made.save(tmp_path / "made.twin.zip")
+        twin = TwinBundle.load(tmp_path / "made.twin.zip")
+        assert twin.effects[-1] == DRAG
+        assert [effect.name for effect in twin.effects[:-1]] == [
+            "bending_stiffness"
+        ]  # slight, as of any cloth
+        assert twin.manifest.source.fps == pytest.approx(25.0)
+        assert twin.parameters.globals["ground_height"].value == 0.5
+        bare = replace(twin, effects=twin.effects[:-1])
+        np.testing.assert_allclose(bare.rollout(substeps=200).points, predicted(plain, values), atol=2e-5)
+        assert np.abs(twin.rollout(substeps=200).points - bare.rollout(substeps=200).points).max() > 1e-5
+
+    def test_looks_like_what_was_seen(self, hung, found):
+        plain = PlainTwin.of(body_of(hung), hung)
+        made = twin_of(hung, Diagnosis(found(hung), (DRAG,)), plain)
+        assert len(made.gaussians) == hung.points.shape[1] - 1
+        np.testing.assert_allclose(made.gaussians.colors[0], [1, 0, 0.2], atol=1e-6)
+        assert 0.005 < made.gaussians.scales.min() <= made.gaussians.scales.max() < 0.04
+
+    def test_nothing_is_held_where_there_is_no_hand(self, hung, found, tmp_path):
+        fallen = replace(hung, controllers=np.zeros((6, 0, 3), np.float32), ground_height=None, colors=None)
+        plain = PlainTwin.of(body_of(fallen), fallen)
+        made = twin_of(fallen, Diagnosis(found(fallen), (DRAG,)), plain)
+        made.save(tmp_path / "made.twin.zip")
+        twin = TwinBundle.load(tmp_path / "made.twin.zip")
+        assert twin.controls is None
+        assert "ground_height" not in twin.parameters.globals
+        assert twin.rollout(substeps=50).points[-1, :, 2].mean() < twin.topology.points[:, 2].mean() - 0.1
