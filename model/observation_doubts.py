@@ -44,7 +44,7 @@ def observation_doubts(observation: Observation) -> tuple[str, ...]:
     ]
     if observation.gravity[2] > 0.0:
         doubts.append(f"gravity points up ({observation.gravity[2]:g} m/s² along z): the world is z up")
-    if _hangs(observation):
+    if hangs(observation):
         doubts.append(
             "controllers: the object stays in the air and nothing holds it: the hand is missing, so no cause "
             "can be named"
@@ -85,24 +85,34 @@ def _speed_doubts(observation: Observation, seen: Bool[Array, "T N"]) -> list[st
 
 
 def _grip_doubts(observation: Observation) -> list[str]:
+    away = _nearest_controller(observation)
+    if away is None or away <= _reach(observation):
+        return []
+    return [f"controllers: the nearest is {away:.3g} m from any point in the first frame: it holds none"]
+
+
+def _nearest_controller(observation: Observation) -> float | None:
+    """How far the nearest controller is from what is seen in the first frame [m]; None: there is none."""
     held, first = observation.controllers[0], observation.points[0]
     first = first[~np.isnan(first[:, 0])]
-    if not len(held) or not len(first):
-        return []
-    distance = np.linalg.norm(held[:, None] - first[None], axis=2).min(axis=1)
-    reach = max(REACH, 0.5 * (object_size(observation.points) or 0.0))
-    if distance.min() <= reach:
-        return []
-    return [
-        f"controllers: the nearest is {distance.min():.3g} m from any point in the first frame: it holds none"
-    ]
+    if not len(held):
+        return None
+    if not len(first):
+        return 0.0  # nothing is seen that could be far from it
+    return float(np.linalg.norm(held[:, None] - first[None], axis=2).min())
 
 
-def _hangs(observation: Observation) -> bool:
+def _reach(observation: Observation) -> float:
+    return max(REACH, 0.5 * (object_size(observation.points) or 0.0))
+
+
+def hangs(observation: Observation) -> bool:
     """Whether the object is in the air, held by nothing, and does not fall."""
     gravity = np.asarray(observation.gravity)
     size = object_size(observation.points)
-    if observation.controllers.shape[1] or size is None or np.linalg.norm(gravity) < 1e-6:
+    away = _nearest_controller(observation)
+    held = away is not None and away <= _reach(observation)
+    if held or size is None or np.linalg.norm(gravity) < 1e-6:
         return False
     points = observation.points[..., 2]
     seen = ~np.isnan(points).all(axis=1)

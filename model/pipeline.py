@@ -16,6 +16,7 @@ from model.doubts import collect_doubts
 from model.encoders import ALL_ENCODERS, SemanticEncoder
 from model.errors import InputError
 from model.gap.bodies.body import body_of
+from model.gap.diagnosable import check_diagnosable
 from model.gap.diagnosis import Diagnosis
 from model.gap.given import given_twin
 from model.gap.plain import PlainTwin
@@ -52,6 +53,7 @@ from model.types import (
     Gaussians,
     Masks,
     MaterialPrior,
+    Observation,
     Parts,
     PartView,
     ShapeClass,
@@ -203,14 +205,20 @@ def diagnose(
 
     report("observation", 0.0)
     with collect_doubts() as doubts:
-        seen = read_observation(observation)
-        other = None if transfer is None else read_observation(transfer)
+        seen = _diagnosable(observation)
+        other = None if transfer is None else _diagnosable(transfer)
         bundle = None if twin is None else TwinBundle.load(twin)
         given = None if bundle is None else given_twin(bundle, seen)
         found = find(seen if given is None else given.observation, given, other, report)
     plain = given or PlainTwin.of(body_of(seen), seen)
     report("done", 1.0)
     return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle)
+
+
+def _diagnosable(path: Path) -> Observation:
+    observation = read_observation(path)
+    check_diagnosable(observation, path.name)
+    return observation
 
 
 def _doubted(found: Diagnosis, doubts: Sequence[str]) -> Diagnosis:
