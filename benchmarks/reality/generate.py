@@ -75,11 +75,14 @@ def _realise(
             tuned = tune(stick, each, ALL[each.name].range, recipe.target, simulate)
             if tuned is None:
                 return None
-            effects.append(tuned[0])
-        motion = simulate(_lag(recipe.world.with_effects(*effects), sensor))
+            effects.append(tuned.effect)
+            motion, size = tuned.motion, tuned.magnitude
+        if len(effects) > 1:
+            motion = simulate(recipe.world.with_effects(*effects))
+            size = checked_gap(stick, motion.points, simulate)
         magnitude = {
             "target": recipe.target,
-            "magnitude": checked_gap(stick, motion.points, simulate),
+            "magnitude": size,
             "discretisation_m": stick.discretisation,
         }
     else:

@@ -126,9 +126,19 @@ def checked_gap(stick: Yardstick, points: Array, simulate: Simulate) -> float:
     return min(_rms(rest), _rms(points - again)) / stick.hidden
 
 
+@dataclass(frozen=True)
+class Tuned:
+    """An effect of the size that was asked for."""
+
+    effect: Effect
+    magnitude: float
+    motion: Motion
+    """Of the world with it alone."""
+
+
 def tune(
     stick: Yardstick, effect: Effect, limits: tuple[float, float], target: float, simulate: Simulate
-) -> tuple[Effect, float] | None:
+) -> Tuned | None:
     """The amplitude at which the effect has the target magnitude, found by secants on logarithms.
 
     It is sought in the coarser world, which costs little, and then corrected in the world itself. Where the
@@ -140,8 +150,11 @@ def tune(
         world = stick.coarse_world.with_effects(replace(effect, amplitude=amplitude))
         return gap(stick, stick.base + simulate(world).points - stick.coarse)
 
+    motions: dict[float, Motion] = {}
+
     def truly(amplitude: float) -> float:
-        return gap(stick, simulate(stick.world.with_effects(replace(effect, amplitude=amplitude))).points)
+        motions[amplitude] = simulate(stick.world.with_effects(replace(effect, amplitude=amplitude)))
+        return checked_gap(stick, motions[amplitude].points, simulate)
 
     low, high = limits
     rough = _seek(roughly, float(np.sqrt(low * high)), limits, target, ROUGH)
@@ -152,7 +165,7 @@ def tune(
     if not reached:
         return None
     amplitude, value = _nearest(reached, target)
-    return replace(effect, amplitude=amplitude), value
+    return Tuned(replace(effect, amplitude=amplitude), value, motions[amplitude])
 
 
 Tried = list[tuple[float, float]]

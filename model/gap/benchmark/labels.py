@@ -21,8 +21,8 @@ PLAIN, SEALED, LOG = "labels.json", "labels.sealed", "opened.json"
 MAGIC = b"sealed labels of matphys worlds\n"
 Label = dict[str, Any]
 """`world`, `category`, `effects` [{`name`, `amplitude`, `options`, `where`}], `accepted` answers, `acts_on`
-{name: [N] 0..1}, `kind`, `interaction`, `magnitude` (of the gap after a refit, over what hides it; absent where
-no effect was put in), and what else its maker notes."""
+{name: [N] 0..1}, `kind`, `interaction`, `magnitude` (of the gap after a refit, over what hides it; absent
+where no effect was put in), and what else its maker notes."""
 
 
 def open_labels(folder: Path, predictions: Path | None = None) -> list[Label]:

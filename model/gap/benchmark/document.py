@@ -1,0 +1,170 @@
+"""The table of a run as text and as a section of `docs/gap-benchmark.md`."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from model.formats.files import replacing
+from model.gap.benchmark import figures
+from model.gap.benchmark.outcomes import Outcome
+from model.gap.benchmark.scores import Score, confusion
+from model.gap.benchmark.table import Row, Table
+from model.gap.report.style import png
+
+HEAD = """# The withheld check
+
+Worlds made by code that shares nothing with our simulator (`benchmarks/reality/`), diagnosed before their
+labels were read. `matphys gap-benchmark` diagnoses a folder of worlds, writes `predictions.json`, hashes it,
+opens the labels and writes its section of this page.
+
+"""
+NOTES = """\
+Intervals are 95 %: Wilson's for shares of worlds, percentile bootstrap over worlds otherwise. A diagnosis
+that is refused or breaks counts as wrong. *Signal-to-noise* is the gap that a refit of the base leaves, over
+noise and discretisation. A world with two effects counts as right when the first named is one of them.
+*Where* compares `where.acts_on` with the label, each cut at half of its greatest value, for effects that act
+on a part of the object; a wrong verdict counts with what it says. *Gap closed* is over all worlds together,
+of the interaction that the diagnosis was given as transfer. *Cover*: actuation delay, direction of gravity,
+share of slackness, excess mass and static friction, where rightly named; other quantities mean different
+things in different laws. *Asked* is the issue's bar, *good* and *astonishing* are GAP.md's.
+"""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a section says of how it came about."""
+
+    title: str
+    command: str
+    date: str
+    folder: str
+    digest: str
+    """SHA-256 of the predictions."""
+    seconds: float
+    """Of one diagnosis, at the median; 0 where nobody took the time."""
+
+
+def printed(run: Run, table: Table) -> str:
+    """The table for a terminal."""
+    lines = [f"{run.title}: predictions {run.digest[:16]}"]
+    for row in (*table.rows, *table.kinds):
+        lines.append(f"{row.name:<44} {_figure(row.score):<24} {_bar(row):<9} {_mark(row):<12} {row.of}")
+    for rung in table.ladder:
+        named, noticed = _figure(rung.named), _figure(rung.noticed)
+        lines.append(f"magnitude {rung.magnitude:<4g} named {named:<24} noticed {noticed}")
+    return "\n".join(lines)
+
+
+def write_section(path: Path, run: Run, table: Table, worlds: Sequence[Outcome]) -> tuple[Path, ...]:
+    """Put the section of a run into the page, in place of an older one of its title.
+
+    Args:
+        path: The page; made if missing. Figures go into `images` beside it.
+        run: What was done.
+        table: Its scores.
+        worlds: Its outcomes.
+
+    Returns:
+        What was written.
+    """
+    clear = [each for each in worlds if each.clear]
+    stem = "gap-benchmark-" + re.sub(r"[^a-z0-9]+", "-", run.title.lower()).strip("-")
+    drawn = {
+        f"{stem}-confusion.png": ("Verdicts by truth", figures.matrix(clear)),
+        f"{stem}-detectability.png": ("How small an effect may be", figures.detectability(table)),
+        f"{stem}-calibration.png": ("What a probability is worth", figures.calibration(clear)),
+    }
+    written = []
+    for name, (_, figure) in drawn.items():
+        with replacing(path.parent / "images" / name) as temporary:
+            temporary.write_bytes(png(figure))
+        written.append(path.parent / "images" / name)
+    images = [f"![{caption}](images/{name})" for name, (caption, _) in drawn.items()]
+    section = "\n\n".join([*_section(run, table, worlds), *images]) + "\n"
+    old = path.read_text() if path.is_file() else HEAD
+    with replacing(path) as temporary:
+        temporary.write_text(_replaced(old, run.title, section))
+    return (path, *written)
+
+
+def _replaced(page: str, title: str, section: str) -> str:
+    """The page with the section of this title exchanged, or added at its end."""
+    head, *sections = re.split(r"(?m)^(?=## )", page)
+    kept = [each for each in sections if each.splitlines()[0] != f"## {title}"]
+    place = next((k for k, each in enumerate(sections) if each not in kept), len(kept))
+    return head + "\n".join(each.strip("\n") + "\n" for each in [*kept[:place], section, *kept[place:]])
+
+
+def _section(run: Run, table: Table, worlds: Sequence[Outcome]) -> list[str]:
+    counts = Counter(each.category for each in worlds)
+    made = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+    pace = f" One diagnosis took {run.seconds:.0f} s at the median." if run.seconds else ""
+    return [
+        f"## {run.title}",
+        f"{len(worlds)} worlds of `{run.folder}` ({made}), {run.date}. Predictions `{run.digest[:16]}`."
+        + pace,
+        f"```\n{run.command}\n```",
+        _scores(table.rows),
+        NOTES.strip(),
+        _ladder(table),
+        _scores(table.kinds),
+        _mistakes([each for each in worlds if each.clear]),
+    ]
+
+
+def _scores(rows: Sequence[Row]) -> str:
+    lines = [
+        "| score | of | value | n | asked | holds | good | astonishing |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for row in rows:
+        bars = " | ".join(_bound(value, row.bars.smaller) for value in (row.bars.good, row.bars.astonishing))
+        lines.append(
+            f"| {row.name} | {row.of} | {_figure(row.score)} | {row.score.count} | {_bar(row)} | {_mark(row)}"
+            f" | {bars} |"
+        )
+    return "\n".join(lines)
+
+
+def _ladder(table: Table) -> str:
+    lines = ["| signal-to-noise | rightly named | something missing | n |", "|---|---|---|---|"]
+    for rung in table.ladder:
+        named, noticed = _figure(rung.named), _figure(rung.noticed)
+        lines.append(f"| {rung.magnitude:g} | {named} | {noticed} | {rung.named.count} |")
+    return "\n".join(lines)
+
+
+def _mistakes(worlds: Sequence[Outcome]) -> str:
+    """The confusion matrix in words: every truth with its verdicts."""
+    classes = figures.classes_of(worlds)
+    counts = confusion([each.truth for each in worlds], [each.answer for each in worlds], classes)
+    lines = ["| truth | verdicts, no effect or a clear one |", "|---|---|"]
+    for name, row in zip(classes, counts, strict=True):
+        said = sorted(
+            ((count, other) for count, other in zip(row, classes, strict=True) if count), reverse=True
+        )
+        if said:
+            lines.append(f"| {name} | " + ", ".join(f"{other} {count}" for count, other in said) + " |")
+    return "\n".join(lines)
+
+
+def _figure(score: Score) -> str:
+    if score.value is None:
+        return "–"
+    return f"{score.value:.3f} [{score.low:.3f}, {score.high:.3f}]"
+
+
+def _bar(row: Row) -> str:
+    if row.bars.most is not None:
+        return f"{row.bars.asked:g}–{row.bars.most:g}"
+    return _bound(row.bars.asked, row.bars.smaller)
+
+
+def _bound(value: float | None, smaller: bool) -> str:
+    return "" if value is None else f"{'≤' if smaller else '≥'} {value:g}"
+
+
+def _mark(row: Row) -> str:
+    return {True: "holds", False: "falls short", None: ""}[row.holds]

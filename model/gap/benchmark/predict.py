@@ -1,0 +1,167 @@
+"""Every world of a folder diagnosed: in several processes, resumable, written down and hashed."""
+
+import hashlib
+import json
+import multiprocessing
+import os
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from model.errors import InputError
+from model.formats.files import replacing
+from model.gap.diagnosis import Diagnosis
+from model.gap.schema import GapReport
+from model.observation import read_observation
+from model.progress import StageReport
+from model.schema import write_json
+from model.types import Observation
+
+DIAGNOSES, PREDICTIONS = "diagnoses", "predictions.json"
+SCHEMA = "matphys.predictions/1"
+TRANSFER = ".transfer.npz"
+
+
+@runtime_checkable
+class Diagnose(Protocol):
+    """`model.gap.diagnose.diagnose`, or what stands in for it."""
+
+    def __call__(
+        self, observation: Observation, *, transfer: Observation | None, progress: StageReport | None
+    ) -> Diagnosis:
+        """Diagnose an observation without a twin."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What was said of a world before its label was read."""
+
+    report: GapReport | None
+    """None: the diagnosis was refused, or broke."""
+    refused: str = ""
+    """Why."""
+    seconds: float = 0.0
+    """That it took; 0 where it is not known."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    world: Path
+    kept: Path
+    diagnose: Diagnose
+
+
+def predict(
+    worlds: Path, out: Path, diagnose: Diagnose, workers: int, progress: StageReport | None = None
+) -> dict[str, Prediction]:
+    """Diagnose all worlds and write `predictions.json`.
+
+    What is in `out` already, of the same files, is not done again, unless it broke.
+
+    Args:
+        worlds: Holds NAME.npz and, for another interaction of the same object, NAME.transfer.npz.
+        out: Made if missing.
+        diagnose: A function of a module, so that other processes can import it.
+        workers: Processes; 1: this one.
+        progress: Told the share that is done.
+
+    Returns:
+        By name of the world.
+
+    Raises:
+        InputError: there are no worlds.
+    """
+    places = sorted(path for path in worlds.glob("*.npz") if not path.name.endswith(TRANSFER))
+    if not places:
+        raise InputError(f"{worlds}: expected worlds NAME.npz, found none")
+    jobs = [_Job(path, out / DIAGNOSES / f"{path.stem}.json", diagnose) for path in places]
+    predictions = {}
+    for done, (job, prediction) in enumerate(zip(jobs, _each(jobs, workers), strict=True), 1):
+        predictions[job.world.stem] = prediction
+        if progress is not None:
+            progress(f"{done} of {len(jobs)} worlds", done / len(jobs))
+    _write(out / PREDICTIONS, predictions)
+    return predictions
+
+
+def read_predictions(path: Path) -> dict[str, Prediction]:
+    """What `predict` wrote."""
+    content = json.loads(path.read_bytes())
+    return {
+        name: Prediction(_report(each["report"]), each["refused"]) for name, each in content["worlds"].items()
+    }
+
+
+def digest(*paths: Path) -> str:
+    """SHA-256 of files, one after the other."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+
+
+def _each(jobs: Sequence[_Job], workers: int) -> Iterator[Prediction]:
+    if workers == 1:
+        yield from map(_predict, jobs)
+        return
+    # Forked children would inherit torch's threads in a state of their own.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+        yield from pool.map(_predict, jobs)
+
+
+def _one_thread() -> None:
+    """Before torch is imported: the processes share the cores."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def _predict(job: _Job) -> Prediction:
+    other = job.world.with_name(job.world.stem + TRANSFER)
+    same = digest(job.world, *([other] if other.exists() else []))
+    known = _kept(job.kept, same)
+    if known is not None:
+        return known
+    began = time.perf_counter()
+    report, refused, broke = None, "", False
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # doubts about an observation are in its report
+            transfer = read_observation(other) if other.exists() else None
+            diagnosis = job.diagnose(read_observation(job.world), transfer=transfer, progress=None)
+        report = diagnosis.findings.report
+    except InputError as error:
+        refused = str(error)
+    except Exception as error:  # one world that breaks must not end the check, and counts as wrong
+        refused, broke = f"{type(error).__name__}: {error}", True
+    seconds = time.perf_counter() - began
+    _keep(job.kept, {"sha256": same, "seconds": seconds, **_plain(report, refused), "broke": broke})
+    return Prediction(report, refused, seconds)
+
+
+def _kept(path: Path, same: str) -> Prediction | None:
+    if not path.is_file():
+        return None
+    kept = json.loads(path.read_bytes())
+    if kept["sha256"] != same or kept["broke"]:
+        return None
+    return Prediction(_report(kept["report"]), kept["refused"], kept["seconds"])
+
+
+def _keep(path: Path, content: Mapping[str, Any]) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps(content))
+
+
+def _write(path: Path, predictions: Mapping[str, Prediction]) -> None:
+    content = {name: _plain(each.report, each.refused) for name, each in predictions.items()}
+    with replacing(path) as temporary:
+        temporary.write_text(json.dumps({"schema": SCHEMA, "worlds": content}))
+
+
+def _plain(report: GapReport | None, refused: str) -> dict[str, Any]:
+    return {"report": None if report is None else json.loads(write_json(report)), "refused": refused}
+
+
+def _report(content: Mapping[str, Any] | None) -> GapReport | None:
+    return None if content is None else GapReport.model_validate(content)

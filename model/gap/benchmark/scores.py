@@ -1,0 +1,161 @@
+"""The scores of the withheld check, in numpy alone, each with a 95 % interval.
+
+Shares of worlds have Wilson's interval: a bootstrap of eighteen quiet nulls out of eighteen would claim to be
+certain. All others have percentile bootstrap intervals over worlds.
+
+Reference:
+    Wilson (1927), Probable inference, the law of succession, and statistical inference, JASA 22.
+    Efron (1979), Bootstrap methods: another look at the jackknife, Annals of Statistics 7.
+    Guo, Pleiss, Sun and Weinberger (2017), On calibration of modern neural networks, ICML (expected
+    calibration error). Brier (1950), Verification of forecasts expressed in terms of probability.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from model.types import Array
+
+Z = 1.959964
+"""Of a normal variable, 95 % two-sided."""
+RESAMPLES = 2000
+BINS = 10
+"""Of confidence, for the calibration."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """A figure, its 95 % interval and how many worlds it is of; all None or 0 where there is none."""
+
+    value: float | None = None
+    low: float | None = None
+    high: float | None = None
+    count: int = 0
+
+
+def proportion(right: Sequence[bool]) -> Score:
+    """Share of the worlds in which something holds, with Wilson's interval."""
+    n = len(right)
+    if n == 0:
+        return Score()
+    p = float(np.mean(right))
+    middle = (p + Z**2 / (2 * n)) / (1 + Z**2 / n)
+    half = Z / (1 + Z**2 / n) * float(np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2)))
+    return Score(p, min(max(middle - half, 0.0), p), max(min(middle + half, 1.0), p), n)
+
+
+def bootstrapped(statistic: Callable[[Int[Array, " n"]], float], count: int) -> Score:
+    """A statistic of worlds with its percentile interval.
+
+    Args:
+        statistic: Of the indices of worlds that were drawn; NaN where it is not defined.
+        count: How many worlds there are.
+    """
+    if count == 0:
+        return Score()
+    value = statistic(np.arange(count))
+    if np.isnan(value):
+        return Score()
+    rng = np.random.default_rng(0)
+    drawn = np.array([statistic(rng.integers(count, size=count)) for _ in range(RESAMPLES)])
+    low, high = np.nanpercentile(drawn, [2.5, 97.5])
+    return Score(float(value), float(low), float(high), count)
+
+
+def mean(values: Sequence[float]) -> Score:
+    """The mean over worlds."""
+    known = np.array([value for value in values if not np.isnan(value)], float)
+    return bootstrapped(lambda chosen: float(known[chosen].mean()), len(known))
+
+
+def confusion(
+    truth: Sequence[str], answers: Sequence[str], classes: Sequence[str]
+) -> Int[Array, "truth answers"]:
+    """Counts by true class (rows) and answer (columns)."""
+    return _counted(_indices(truth, classes), _indices(answers, classes), len(classes))
+
+
+def _indices(names: Sequence[str], classes: Sequence[str]) -> Int[Array, " n"]:
+    return np.array([classes.index(name) for name in names], int)
+
+
+def _counted(truth: Int[Array, " n"], answers: Int[Array, " n"], size: int) -> Int[Array, "k k"]:
+    counts = np.zeros((size, size), int)
+    np.add.at(counts, (truth, answers), 1)
+    return counts
+
+
+def f1_of(counts: Int[Array, "k k"]) -> float:
+    """Mean over the classes that occur of 2 TP / (2 TP + FP + FN); NaN where none does."""
+    occurs = counts.sum(axis=1) > 0
+    hit = np.diag(counts)
+    either = counts.sum(axis=1) + counts.sum(axis=0)
+    return float((2 * hit[occurs] / either[occurs]).mean()) if occurs.any() else float("nan")
+
+
+def macro_f1(truth: Sequence[str], answers: Sequence[str]) -> Score:
+    """F1 of each class that occurs in truth, averaged over classes."""
+    classes = sorted({*truth, *answers})
+    true, said = _indices(truth, classes), _indices(answers, classes)
+    return bootstrapped(lambda chosen: f1_of(_counted(true[chosen], said[chosen], len(classes))), len(truth))
+
+
+def calibration_error(confidence: Sequence[float], right: Sequence[bool]) -> Score:
+    """Expected calibration error of the probability of the answer."""
+    p, hit = np.array(confidence, float), np.array(right, float)
+    return bootstrapped(lambda chosen: _error_of(p[chosen], hit[chosen]), len(p))
+
+
+def _error_of(confidence: Float[Array, " n"], right: Float[Array, " n"]) -> float:
+    bins = bin_of(confidence)
+    apart = np.bincount(bins, confidence - right, BINS)
+    return float(np.abs(apart).sum() / len(confidence))
+
+
+def bin_of(confidence: Float[Array, " n"]) -> Int[Array, " n"]:
+    """Which of `BINS` equal parts of 0..1 each confidence is in; one that ends a part belongs to it."""
+    bins: Int[Array, " n"] = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)
+    return bins
+
+
+def brier(confidence: Sequence[float], right: Sequence[bool]) -> Score:
+    """Mean square of probability of the answer less whether it is right."""
+    return mean(list((np.array(confidence, float) - np.array(right, float)) ** 2))
+
+
+def area_under(strength: Float[Array, " N"], positive: Bool[Array, " N"]) -> float:
+    """Area under the receiver operating characteristic; ties count half, NaN where one side is empty."""
+    above, below = int(positive.sum()), int((~positive).sum())
+    if not above or not below:
+        return float("nan")
+    _, inverse, counts = np.unique(strength, return_inverse=True, return_counts=True)
+    rank = (np.cumsum(counts) - (counts - 1) / 2)[inverse]
+    return float((rank[positive].sum() - above * (above + 1) / 2) / (above * below))
+
+
+def overlap(one: Bool[Array, " N"], other: Bool[Array, " N"]) -> float:
+    """Intersection over union; NaN where both are empty."""
+    either = int((one | other).sum())
+    return float((one & other).sum() / either) if either else float("nan")
+
+
+def acting(strength: Float[Array, " N"]) -> Bool[Array, " N"]:
+    """Where an effect acts: with at least half of its greatest strength."""
+    where: Bool[Array, " N"] = (strength >= 0.5 * strength.max()) & (strength > 0)
+    return where
+
+
+def closed(refit: Sequence[float], with_effect: Sequence[float], noise_floor: Sequence[float]) -> Score:
+    """Share of the reducible gap that is closed, over all worlds together.
+
+    A mean of fractions would hang on the worlds that have next to no gap.
+    """
+    before, after, floor = (np.array(each, float) for each in (refit, with_effect, noise_floor))
+
+    def share(chosen: Int[Array, " n"]) -> float:
+        reducible = float((before - floor)[chosen].sum())
+        return float((before - after)[chosen].sum()) / reducible if reducible > 0 else float("nan")
+
+    return bootstrapped(share, len(before))
