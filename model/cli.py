@@ -211,17 +211,10 @@ def observe(
                 raise InputError(f"{source.name}: expected a .pkl of PhysTwin, or a clip with its --twin")
             observation = observe_phystwin(source, FPS if fps is None else fps)
         else:
-            from model.bundle import TwinBundle
-            from model.observe.clip import observe_clip
-            from model.registry import by_name
-            from model.segmentation import ALL_SEGMENTERS
-            from model.tracking import ALL_TRACKERS
+            from model.pipeline import observe as run
 
             one_thread()
-            segmenter = by_name(ALL_SEGMENTERS, segmentation, "segmentation")()
-            tracker = by_name(ALL_TRACKERS, tracking, "tracking")()
-            bundle = TwinBundle.load(twin)
-            observation = observe_clip(source, bundle, segmenter, tracker, report, mask=mask, box=box)
+            observation = run(source, twin, segmentation, tracking, mask, report, box)
         write_observation(out, observation)
     frames, points = observation.points.shape[:2]
     if as_json:

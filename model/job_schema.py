@@ -96,6 +96,17 @@ class TwinRequest(JobRequest):
     seed: Annotated[int, Field(ge=0, le=2**31 - 1, description="Of everything drawn by lot.")] = 0
 
 
+class DiagnosisRequest(JobRequest):
+    """What a request for a diagnosis may choose; how a video is looked at, where it brings one."""
+
+    segmentation: Annotated[
+        Literal["classical", "sam2"], Field(description="Who finds the object in a video.")
+    ] = "classical"
+    tracking: Annotated[
+        Literal["opencv", "cotracker"], Field(description="Who follows it through a video.")
+    ] = "opencv"
+
+
 class Answer(BaseModel):
     """What every answer shares."""
 

@@ -187,6 +187,36 @@ def build_twin(video: Path, options: TwinOptions, report: StageReport) -> TwinRe
     return TwinResult(bundle, log.seconds)
 
 
+def observe(
+    video: Path,
+    twin: Path,
+    segmentation: str,
+    tracking: str,
+    mask: Path | None,
+    report: StageReport,
+    box: tuple[int, int, int, int] | None = None,
+) -> Observation:
+    """Say what really moved in a clip, as the twin of that clip sees it.
+
+    Args:
+        video: The clip.
+        twin: Its twin.
+        segmentation: Method that finds the object.
+        tracking: Method that follows it.
+        mask: The object on the keyframe, white on black.
+        report: Told which stage begins and how far the whole is.
+        box: Around the object on the keyframe, x, y, width, height [px].
+
+    Raises:
+        InputError: they do not belong together, or cannot be used; the message is one line.
+    """
+    from model.observe.clip import observe_clip
+
+    segmenter = by_name(ALL_SEGMENTERS, segmentation, "segmentation")()
+    tracker = by_name(ALL_TRACKERS, tracking, "tracking")()
+    return observe_clip(video, TwinBundle.load(twin), segmenter, tracker, report, mask=mask, box=box)
+
+
 def diagnose(
     observation: Path, twin: Path | None, transfer: Path | None, report: StageReport
 ) -> DiagnosisResult:

@@ -14,11 +14,12 @@ from service.metrics import Metrics
 from service.middleware import RequestFrame
 from service.resources import Resource
 from service.routes import operations, twins, webhooks
+from service.routes.diagnoses import DIAGNOSES
 from service.routes.jobs import job_routes
 from service.routes.page import page_routes
 from service.settings import Settings
 
-ALL_CHILDREN: tuple[Resource, ...] = ()
+ALL_CHILDREN: tuple[Resource, ...] = (DIAGNOSES,)
 """Kinds of jobs that work on a twin, below `/twins/{id}`; a further one is a `Resource` here."""
 
 

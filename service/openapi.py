@@ -70,12 +70,17 @@ def _problem(status: int) -> dict[str, Any]:
     return response
 
 
+def required_inputs(kind: type[Kind]) -> list[str]:
+    """The files without which there is no job of this kind."""
+    return [name for name, each in kind.inputs.items() if each.required and not each.instead]
+
+
 def describe_upload(kind: type[Kind]) -> dict[str, Any]:
     """The `openapi_extra` of a route that takes the inputs and options of a kind of job."""
     options = {
         name: _plain(schema) for name, schema in kind.options.model_json_schema()["properties"].items()
     }
-    main, required = next(iter(kind.inputs)), [name for name, each in kind.inputs.items() if each.required]
+    main, required = next(iter(kind.inputs)), required_inputs(kind)
     form = {
         "type": "object",
         "required": required,

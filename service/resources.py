@@ -25,6 +25,10 @@ class Resource:
     """For messages: `twin`."""
     parent: "Resource | None" = None
     """What it works on: then it is submitted below that, at `/twins/{id}/diagnoses`."""
+    title: str = ""
+    """What the page calls it; "": as its kind."""
+    help: str = ""
+    """A sentence for the page."""
 
     def url(self, job_id: str) -> str:
         """Of one job."""

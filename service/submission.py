@@ -28,6 +28,7 @@ LIMITS: Final = {
     "camera": MEBIBYTE,
     "image": 64 * MEBIBYTE,
     "controllers": 64 * MEBIBYTE,
+    "observation": 256 * MEBIBYTE,
     "mesh": 200_000_000,
     "depth": 200_000_000,
 }
@@ -71,7 +72,11 @@ class Submission:
         async with front.intake.receive(request, limits) as upload:
             chosen = _merge(request, upload.fields)
             record = self.record(front, chosen, {name: file.sha256 for name, file in upload.files.items()})
-            missing = [name for name, each in inputs.items() if each.required and name not in upload.files]
+            missing = [
+                name
+                for name, each in inputs.items()
+                if each.required and not {name, each.instead} & upload.files.keys()
+            ]
             if missing:
                 raise ProblemError("bad-input", f"{missing[0]} is missing: send it as the body, or in a form")
             looked_at = {name: (inputs[name].inspection, file.path) for name, file in upload.files.items()}

@@ -8,11 +8,14 @@ Example::
         twin = client.submit(Path("clip.mp4"), TwinRequest(size_m=0.25))
         twin.wait(lambda job: print(job.stage, job.progress))
         twin.download("bundle.twin.zip", Path("clip.twin.zip"))
+        diagnosis = twin.diagnose(Path("seen.npz"))
+        diagnosis.wait()
+        print(diagnosis.report().verdict.statement)
 """
 
-from model.job_schema import TwinRequest
+from model.job_schema import DiagnosisRequest, TwinRequest
 from service.client.client import Client
-from service.client.remote import RemoteJob, Twin
+from service.client.remote import Diagnosis, RemoteJob, Twin
 from service.client.transport import ServiceError
 
-__all__ = ["Client", "RemoteJob", "ServiceError", "Twin", "TwinRequest"]
+__all__ = ["Client", "Diagnosis", "DiagnosisRequest", "RemoteJob", "ServiceError", "Twin", "TwinRequest"]

@@ -1,6 +1,7 @@
 """Jobs of the service as a program holds them."""
 
 import json
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -9,13 +10,16 @@ from urllib.parse import quote
 
 import httpx
 
-from model.job_schema import FINAL_STATUSES, Job, JobRequest
+from model.gap.schema import GapReport
+from model.job_schema import FINAL_STATUSES, DiagnosisRequest, Job, JobRequest
+from model.schema import read_json
 from service.client.transfers import all_jobs, fetch, read_job, start_job
 from service.client.transport import ServiceError, Transport
 
 POLL_S = 1.0
 """Between two looks at a job when nobody says how long [s]."""
 LONGEST_POLL_S = 10.0
+REPORT = "report.json"
 
 Reporter = Callable[[Job], None]
 
@@ -158,6 +162,36 @@ class Twin(RemoteJob):
             time.sleep(wait)
         return path
 
+    def diagnose(
+        self,
+        seen: Path,
+        *,
+        transfer: Path | None = None,
+        request: DiagnosisRequest | None = None,
+        idempotency_key: str | None = None,
+    ) -> "Diagnosis":
+        """Ask where the twin departs from what really moved, which effect it lacks, how far the gap shrinks.
+
+        Args:
+            seen: An observation (`.npz`), or the twin's own clip.
+            transfer: The observation of a second interaction, to confirm.
+            request: What is chosen; None: nothing.
+            idempotency_key: As for `Client.submit`.
+
+        Raises:
+            ServiceError: the service refused it or was not reached.
+            OSError: a file cannot be read.
+        """
+        files = {"observation" if seen.suffix.lower() == ".npz" else "video": seen}
+        files |= {} if transfer is None else {"transfer": transfer}
+        started = self.start("diagnoses", files, request, idempotency_key=idempotency_key)
+        return Diagnosis(self._transport, started.job)
+
+    def diagnoses(self) -> "Iterator[Diagnosis]":
+        """Those of this twin, newest first."""
+        for job in all_jobs(self._transport, f"{self._url()}/diagnoses"):
+            yield Diagnosis(self._transport, job)
+
     def start(
         self,
         collection: str,
@@ -181,6 +215,21 @@ class Twin(RemoteJob):
         """The jobs of a kind that were started on this twin, newest first."""
         for job in all_jobs(self._transport, f"{self._url()}/{collection}"):
             yield RemoteJob(self._transport, job)
+
+
+class Diagnosis(RemoteJob):
+    """A diagnosis that is being made, or was."""
+
+    def report(self) -> GapReport:
+        """The gap report, once it has succeeded.
+
+        Raises:
+            ServiceError: there is none (yet), or the service was not reached.
+        """
+        with tempfile.TemporaryDirectory() as folder:
+            return read_json(
+                self.download(REPORT, Path(folder) / REPORT).read_bytes(), GapReport, f"{self.id}: {REPORT}"
+            )
 
 
 def _news(data: str) -> Mapping[str, Any]:

@@ -111,7 +111,7 @@ def _accepted(
 
 
 def _add_reading(router: APIRouter, resource: Resource) -> None:
-    @router.get(resource.path, summary=f"List {resource.noun}s, newest first", responses=problems())
+    @router.get(resource.path, summary=f"List {resource.path[1:]}, newest first", responses=problems())
     def list_jobs(
         front: FrontNow,
         key: Reader,

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 
 from fastapi import APIRouter
 
+from service.openapi import required_inputs
 from service.pages.offers import Format, Offer, make_offer
 from service.pages.routes import page_router
 from service.resources import Resource
@@ -27,7 +28,12 @@ def page_routes(settings: Settings, children: Iterable[Resource] = ()) -> APIRou
 
 def _offer(resource: Resource) -> Offer:
     kind = resource.kind
-    required = [name for name, each in kind.inputs.items() if each.required]
     return make_offer(
-        kind.name, resource.path.strip("/"), kind.options, tuple(kind.inputs), required=required
+        kind.name,
+        resource.path.strip("/"),
+        kind.options,
+        tuple(kind.inputs),
+        required=required_inputs(kind),
+        title=resource.title,
+        help=resource.help,
     )

@@ -1,5 +1,6 @@
 """A front over a real Redis and a real store, asked over real HTTP; no worker: tests do what one would."""
 
+import io
 import socket
 import threading
 from collections.abc import Iterator
@@ -8,10 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 import uvicorn
 
-from service.app import create_app
+from service.app import ALL_CHILDREN, create_app
 from service.auth import SCOPES, ApiKeys
 from service.connections import PromptProtocol
 from service.settings import Settings
@@ -79,7 +81,7 @@ def front_settings(redis_url: str, data: Path, **changes) -> Settings:
 
 
 @contextmanager
-def running_front(settings: Settings, children=()) -> Iterator[Serving]:
+def running_front(settings: Settings, children=ALL_CHILDREN) -> Iterator[Serving]:
     with connect(settings.redis_url) as client, socket.create_server(("127.0.0.1", 0)) as listener:
         app = create_app(settings, children)
         config = uvicorn.Config(
@@ -111,7 +113,7 @@ def settings(redis_url, tmp_path) -> Settings:
 def serve(settings) -> Iterator:
     """Starts a front: `serve(max_jobs=1)`, `serve(children=(…,))`."""
     with ExitStack() as stack:
-        yield lambda children=(), **changes: stack.enter_context(
+        yield lambda children=ALL_CHILDREN, **changes: stack.enter_context(
             running_front(replace(settings, **changes), children)
         )
 
@@ -144,3 +146,14 @@ def http(serving) -> Iterator[httpx.Client]:
 def clip(film) -> bytes:
     """A tiny MP4 of something that moves."""
     return film()
+
+
+@pytest.fixture(scope="session")
+def observation() -> bytes:
+    """A tiny observation of something that is carried along."""
+    times = np.arange(12) / 30
+    carried = np.stack([0.1 * times, 0 * times, 1 + 0 * times], -1)[:, None].astype(np.float32)
+    corners = 0.1 * np.stack(np.meshgrid(*3 * [[0.0, 1.0]]), -1).reshape(-1, 3).astype(np.float32)
+    target = io.BytesIO()
+    np.savez(target, times=times, points=carried + corners, controllers=carried)
+    return target.getvalue()

@@ -16,7 +16,7 @@ from typing import Final
 from model.errors import InputError
 from worker.inspection.verdict import BrokenFileError, UnknownFormatError
 
-ALL_INSPECTIONS: Final = ("video", "image", "depth", "controllers", "camera", "mesh")
+ALL_INSPECTIONS: Final = ("video", "image", "depth", "controllers", "camera", "mesh", "observation")
 """A module each."""
 LIMITS: Final = {
     resource.RLIMIT_AS: 2 << 30,

@@ -3,11 +3,12 @@
 from collections.abc import Iterable
 
 from worker.kinds.base import Input, Kind, Outcome, Postponed, Run
+from worker.kinds.diagnosis import DiagnosisKind
 from worker.kinds.export import ExportKind
 from worker.kinds.twin import TwinKind
 from worker.kinds.webhook import WebhookKind
 
-ALL_KINDS: tuple[Kind, ...] = (TwinKind(), ExportKind(), WebhookKind())
+ALL_KINDS: tuple[Kind, ...] = (TwinKind(), ExportKind(), DiagnosisKind(), WebhookKind())
 
 __all__ = ["ALL_KINDS", "Input", "Kind", "Outcome", "Postponed", "Run", "kind_called"]
 

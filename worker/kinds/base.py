@@ -25,6 +25,8 @@ class Input:
     inspection: str
     """The module of `worker.inspection` that looks into it first."""
     required: bool = False
+    instead: str = ""
+    """Another input of the kind, which may be given in its place."""
 
 
 @dataclass(frozen=True)

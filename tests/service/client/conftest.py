@@ -1,8 +1,12 @@
+import json
 from collections.abc import Callable, Iterator
+from typing import get_args
 
 import httpx
 import pytest
 
+from model.gap.schema import SOURCE_NAMES
+from model.schema import EffectName
 from service.client import Client
 
 JOB = {
@@ -83,3 +87,18 @@ def clip_path(tmp_path):
     path = tmp_path / "clip.mp4"
     path.write_bytes(b"frames" * 1000)
     return path
+
+
+@pytest.fixture
+def gap_report() -> bytes:
+    """The smallest report: nothing is missing."""
+    names = get_args(EffectName)
+    content = {
+        "schema": "matphys.gap/1",
+        "verdict": {"effect": "none", "probability": 0.98, "statement": "Nothing is missing."},
+        "gap": {"baseline": 0.002, "refit": 0.001, "noise_floor": 0.001, "heldout": [[0, 1]]},
+        "effects": [{"name": name, "probability": 0.001} for name in names],
+        "where": {"points": [1.0], "frames": [1.0], "acts_on": [0.0]},
+        "sources": dict(zip(SOURCE_NAMES, (0.0, 0.0, 1.0, 0.0, 0.0), strict=True)),
+    }
+    return json.dumps(content).encode()

@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from service.client import Client, ServiceError, TwinRequest
+from service.client import Client, DiagnosisRequest, ServiceError, TwinRequest
 from worker.record import JobError
 
 FILES = {"bundle.twin.zip": b"PK" + bytes(200_000), "summary.json": b"{}"}
@@ -119,3 +119,30 @@ def test_what_is_too_many_is_waited_for(serve, clip_file, tmp_path, clip):
         assert raised.value.status == 429
         assert raised.value.retry_after > 5
         assert time.monotonic() - started < 5
+
+
+@pytest.fixture
+def done(real, serving, clip_file, tmp_path):
+    twin = real.submit(clip_file)
+    serving.finish(twin.id, FILES, tmp_path)
+    return real.twin(twin.id)
+
+
+def test_a_diagnosis_from_the_observation_to_the_report(done, serving, observation, tmp_path, gap_report):
+    (tmp_path / "seen.npz").write_bytes(observation)
+    diagnosis = done.diagnose(
+        tmp_path / "seen.npz", transfer=tmp_path / "seen.npz", request=DiagnosisRequest(tracking="opencv")
+    )
+    assert diagnosis.job.parent == done.id
+    assert set(serving.records.get(diagnosis.id).inputs) == {"observation", "transfer"}
+    with pytest.raises(ServiceError, match="There is no such file"):
+        diagnosis.report()
+    worker = later(0.3, lambda: serving.finish(diagnosis.id, {"report.json": gap_report}, tmp_path))
+    diagnosis.wait(timeout_s=30)
+    worker.join()
+    assert diagnosis.report().verdict.effect == "none"
+    assert [each.id for each in done.diagnoses()] == [diagnosis.id]
+
+
+def test_a_clip_is_sent_as_one(done, serving, clip_file):
+    assert set(serving.records.get(done.diagnose(clip_file).id).inputs) == {"video"}

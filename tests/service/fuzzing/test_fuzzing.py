@@ -39,8 +39,9 @@ def busy(patient, tmp_path, monkeypatch) -> Iterator:
 
 
 @pytest.mark.slow
-def test_schemathesis_finds_nothing(busy, clip, tmp_path):
+def test_schemathesis_finds_nothing(busy, clip, observation, tmp_path):
     (tmp_path / "clip.mp4").write_bytes(clip)
+    (tmp_path / "seen.npz").write_bytes(observation)
     key = busy.keys.create("fuzzing", "default", ("submit", "read"))[1]
     done = subprocess.run(
         [
@@ -61,6 +62,7 @@ def test_schemathesis_finds_nothing(busy, clip, tmp_path):
             "SCHEMATHESIS_HOOKS": "hooks",
             "PYTHONPATH": str(HERE),
             "MATPHYS_TEST_CLIP": str(tmp_path / "clip.mp4"),
+            "MATPHYS_TEST_OBSERVATION": str(tmp_path / "seen.npz"),
         },
         check=False,
     )
@@ -70,6 +72,8 @@ def test_schemathesis_finds_nothing(busy, clip, tmp_path):
         ("POST", "/twins", 202),
         ("GET", "/twins/{id}", 200),
         ("DELETE", "/twins/{id}", 204),
+        ("POST", "/twins/{id}/diagnoses", 202),
+        ("GET", "/diagnoses/{id}", 200),
     ):
         assert (
             f'matphys_http_request_seconds_count{{method="{method}",route="{route}",status="{status}"}}'

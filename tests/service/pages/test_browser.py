@@ -298,6 +298,30 @@ def test_a_further_kind_of_job_is_started_and_its_report_read(
     assert page.title() == "MatPhys"
 
 
+def test_a_diagnosis_is_asked_for_and_its_verdict_read(
+    open_page, serving, new_twin, twin_files, observation, tmp_path
+):
+    twin = new_twin()
+    serving.finish(twin, twin_files, tmp_path)
+    page = open_page()
+    page.locator("#list a").click()
+    section = page.locator('[data-kind="diagnosis"]')
+    expect(section.get_by_role("heading", name="Diagnose")).to_be_visible()
+    section.get_by_role("button", name="Start").click()
+    expect(section.locator("form .problem")).to_contain_text("observation is missing")
+    (tmp_path / "seen.npz").write_bytes(observation)
+    section.get_by_label("Observation").set_input_files(tmp_path / "seen.npz")
+    section.get_by_role("button", name="Start").click()
+    expect(section.locator(".run .badge")).to_have_text("queued")
+    (diagnosis,) = [child for child in serving.records.children(twin) if child.kind == "diagnosis"]
+    report = b"<html><body><h1>Wind is missing.</h1></body></html>"
+    serving.finish(diagnosis.id, {"report.html": report, "report.json": b"{}"}, tmp_path)
+    expect(section.locator(".report h1")).to_have_text("Wind is missing.", timeout=10_000)
+    with page.expect_download() as downloading:
+        section.get_by_role("button", name="report.html").click()
+    assert downloading.value.suggested_filename == "report.html"
+
+
 def finish(serving, job_id, attempt, files, tmp_path):
     published = []
     for name, content in files.items():

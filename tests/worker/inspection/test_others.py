@@ -7,9 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
+from model.errors import InputError
 from model.prompt import MAX_MASK_PIXELS
 from model.reconstruction import camera_file, mesh_file
-from worker.inspection import camera, controllers, depth, image, mesh
+from worker.inspection import camera, controllers, depth, image, mesh, observation
+from worker.inspection.verdict import BrokenFileError, UnknownFormatError
 
 
 @pytest.fixture
@@ -81,3 +83,35 @@ def test_a_mesh_as_the_pipeline_reads_it(upload, tmp_path, suffix):
     path = upload(content.encode() if isinstance(content, str) else content)
     assert mesh.inspect(path) == suffix
     mesh_file.read_mesh(path.rename(tmp_path / f"mesh{suffix}"))
+
+
+def seen(frames=4, count=5, **changes):
+    still = np.linspace(0, 0.3, count * 3, dtype=np.float32).reshape(1, count, 3)
+    arrays = {
+        "times": np.arange(frames) / 30,
+        "points": np.repeat(still, frames, axis=0),
+        "controllers": np.zeros((frames, 0, 3), np.float32),
+    } | changes
+    return npz(**{name: value for name, value in arrays.items() if value is not None})
+
+
+def test_an_observation(upload):
+    assert observation.inspect(upload(seen())) == ".npz"
+
+
+@pytest.mark.parametrize(
+    ("content", "error", "line"),
+    [
+        (b"text", UnknownFormatError, "not a NPZ file"),
+        (b"PK\x03\x04", InputError, "upload: expected a zip archive"),
+        (seen(points=None), InputError, "upload: points: expected .* found no such key"),
+        (seen(times=np.zeros(4)), InputError, "upload: times: expected strictly increasing"),
+        (seen(points=np.full((4, 5, 3), np.nan)), InputError, "NaN everywhere"),
+        (npz(times=np.array([object()])), InputError, "upload: times: expected numbers|expected an array"),
+        (seen(frames=3001), BrokenFileError, "3001 frames of 5 points: at most 3000"),
+        (seen(count=20_001), BrokenFileError, "4 frames of 20001 points"),
+    ],
+)
+def test_what_is_no_observation(upload, content, error, line):
+    with pytest.raises(error, match=line):
+        observation.inspect(upload(content))

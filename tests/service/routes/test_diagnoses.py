@@ -1,0 +1,99 @@
+import pytest
+
+VIDEO = {"Content-Type": "video/mp4"}
+
+
+@pytest.fixture
+def twin(serving, http, clip, tmp_path) -> str:
+    twin = http.post("/twins", content=clip, headers=VIDEO).json()["id"]
+    serving.finish(twin, {"bundle.twin.zip": b"bundle"}, tmp_path)
+    return twin
+
+
+def test_an_observation_is_taken_and_its_report_given(serving, http, twin, observation, tmp_path):
+    answer = http.post(f"/twins/{twin}/diagnoses", content=observation)
+    assert answer.status_code == 202, answer.text
+    job = answer.json()
+    assert answer.headers["Location"] == f"/diagnoses/{job['id']}"
+    assert (job["kind"], job["parent"]) == ("diagnosis", twin)
+    assert [each["id"] for each in http.get(f"/twins/{twin}/diagnoses").json()["items"]] == [job["id"]]
+    files = {"report.json": b'{"verdict": {}}', "report.html": b"<h1>Wind</h1>"}
+    serving.finish(job["id"], files, tmp_path, {"effect": "wind", "probability": 0.9})
+    done = http.get(f"/diagnoses/{job['id']}").json()
+    assert done["status"] == "succeeded"
+    assert done["metrics"] == {"effect": "wind", "probability": 0.9}
+    assert {file["name"] for file in done["files"]} == set(files)
+    page = http.get(f"/diagnoses/{job['id']}/files/report.html")
+    assert page.content == files["report.html"]
+    assert page.headers["Content-Disposition"].startswith("attachment")
+
+
+def test_a_video_is_taken_in_its_place(http, twin, clip):
+    answer = http.post(f"/twins/{twin}/diagnoses", content=clip, headers=VIDEO)
+    assert answer.status_code == 202, answer.text
+
+
+def test_a_second_interaction_and_options_come_in_a_form(serving, http, twin, observation):
+    files = {"observation": observation, "transfer": observation}
+    answer = http.post(f"/twins/{twin}/diagnoses", files=files, data={"tracking": "cotracker"})
+    assert answer.status_code == 202, answer.text
+    job = answer.json()
+    assert job["options"]["tracking"] == "cotracker"
+    record = serving.records.get(job["id"])
+    assert set(record.inputs) == {"observation", "transfer"}
+    assert all(key.endswith(".npz") for key in record.inputs.values())
+
+
+def test_the_same_request_gives_the_same_job(http, twin, observation):
+    ask = {"content": observation, "headers": {"Idempotency-Key": "seen-1"}}
+    first, second = (http.post(f"/twins/{twin}/diagnoses", **ask).json()["id"] for _ in range(2))
+    assert first == second
+
+
+def test_neither_is_refused(http, twin, observation):
+    answer = http.post(f"/twins/{twin}/diagnoses", files={"transfer": observation})
+    assert answer.status_code == 422
+    assert answer.json()["detail"].startswith("observation is missing")
+
+
+@pytest.mark.parametrize(
+    ("damage", "status", "line"),
+    [
+        (lambda seen: b"text", 415, "not a NPZ file"),
+        (lambda seen: seen[:400], 422, "zip archive"),
+        (lambda seen: b"", 422, "empty"),
+    ],
+)
+def test_what_is_no_observation_is_refused(http, twin, observation, damage, status, line):
+    answer = http.post(f"/twins/{twin}/diagnoses", content=damage(observation))
+    assert answer.status_code == status, answer.text
+    assert line in answer.json()["detail"]
+
+
+def test_one_that_breaks_its_contract_is_refused_by_key(http, twin, serving):
+    import io
+
+    import numpy as np
+
+    target = io.BytesIO()
+    np.savez(target, times=np.arange(3), points=np.full((3, 4, 3), np.nan), controllers=np.zeros((3, 0, 3)))
+    answer = http.post(f"/twins/{twin}/diagnoses", content=target.getvalue())
+    assert answer.status_code == 422
+    assert answer.json()["detail"] == "observation: points: expected some points seen, found NaN everywhere"
+    assert serving.staged() == []
+
+
+def test_it_is_canceled_and_deleted(http, twin, observation):
+    job = http.post(f"/twins/{twin}/diagnoses", content=observation).json()
+    assert http.post(f"/diagnoses/{job['id']}/cancel").json()["status"] == "canceled"
+    assert http.delete(f"/diagnoses/{job['id']}").status_code == 204
+    assert http.get(f"/diagnoses/{job['id']}").status_code == 404
+
+
+def test_the_document_describes_it(http):
+    document = http.get("/openapi.json").json()
+    post = document["paths"]["/twins/{id}/diagnoses"]["post"]
+    form = post["requestBody"]["content"]["multipart/form-data"]["schema"]
+    assert form["required"] == []
+    assert {"observation", "video", "transfer", "mask"} <= set(form["properties"])
+    assert document["paths"]["/diagnoses"]["get"]["summary"] == "List diagnoses, newest first"
