@@ -108,8 +108,7 @@ def draw_recipe(seed: int, split: Split, index: int, attempt: int = 0) -> Recipe
     turn = rotation(np.array([0, 0, rng.uniform(-np.pi, np.pi)]))
     shift = np.array([*rng.uniform(-0.2, 0.2, 2), 0.0])
     material = draw_material(shape, rng)
-    spacing = {"rope": 0.012, "sheet": shape.length / 17, "solid": 0.022 if split == "test" else 0.024}[kind]
-    spacing *= 1.9 if note == "coarse" else 1.0
+    spacing = _spacing(split, shape) * (1.9 if note == "coarse" else 1.0)
     world = World(
         shape, material, stage(first, shape, times, turn, shift, rng), (), spacing, int(rng.integers(1 << 30))
     )
@@ -127,6 +126,13 @@ def draw_recipe(seed: int, split: Split, index: int, attempt: int = 0) -> Recipe
     )
     missing = names if category in ("single", "pair", "outside") else ()
     return Recipe(category, world, transfer, missing, float(rng.choice(MAGNITUDES)), sensor, again, note)
+
+
+def _spacing(split: Split, shape: Shape) -> float:
+    """Between nodes [m]: as fine as a simulation of a second allows."""
+    if split == "test":
+        return {"rope": 0.012, "sheet": shape.length / 17, "solid": 0.022}[shape.kind]
+    return {"rope": 0.015, "sheet": shape.length / 14, "solid": 0.028}[shape.kind]
 
 
 def _names(

@@ -1,0 +1,59 @@
+import json
+import re
+import sys
+from types import ModuleType
+
+import pytest
+from click.testing import CliRunner
+
+from model.gap.benchmark.command import gap_benchmark
+from model.gap.benchmark.labels import LOG, PLAIN, SEALED, seal
+
+
+@pytest.fixture
+def diagnose(monkeypatch, diagnosis_of, report_of):
+    """In the place of the real one, which takes minutes."""
+    module = ModuleType("model.gap.diagnose")
+    module.diagnose = lambda observation, twin=None, *, transfer=None, progress=None: diagnosis_of(
+        report_of("none" if transfer is None else "wind")
+    )
+    monkeypatch.setitem(sys.modules, "model.gap.diagnose", module)
+
+
+def call(*options):
+    done = CliRunner().invoke(gap_benchmark, [str(option) for option in options], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def test_one_command_prints_the_table_and_writes_the_page(worlds, tmp_path, diagnose):
+    page = tmp_path / "docs" / "page.md"
+    page.parent.mkdir()
+    page.write_text("# Head\n\n## Three worlds\n\nformerly\n\n## Others\n\nkept\n")
+    options = ("--out", tmp_path / "out", "--workers", 1, "--docs", page, "--title", "Three worlds")
+    printed = call(worlds, *options).output
+    assert re.search(r"top-1 +1\.000 \[0\.207, 1\.000\] +≥ 0\.75 +holds", printed)
+    text = page.read_text()
+    assert re.findall("(?m)^#.*$", text) == ["# Head", "## Three worlds", "## Others"]
+    assert "formerly" not in text
+    assert text.endswith("## Others\n\nkept\n")
+    assert f"matphys gap-benchmark {worlds} --out {tmp_path / 'out'} --title 'Three worlds'" in text
+    assert "3 worlds of `worlds` (1 null, 2 single)" in text
+    images = re.findall(r"\((images/[^)]+)\)", text)
+    assert len(images) == 3
+    assert all((page.parent / image).read_bytes().startswith(b"\x89PNG") for image in images)
+
+
+def test_sealed_labels_are_opened_after_the_predictions_are_hashed(worlds, tmp_path, diagnose):
+    text = (worlds / PLAIN).read_bytes()
+    (worlds / PLAIN).unlink()
+    (worlds / SEALED).write_bytes(seal(text))
+    printed = call(worlds, "--out", tmp_path / "out", "--workers", 1, "--json").stdout
+    content = json.loads(printed)
+    assert content["rows"][0]["score"]["value"] == 1.0
+    (entry,) = json.loads((worlds / LOG).read_text())
+    assert entry["predictions"] == content["run"]["digest"]
+
+
+def test_nothing_is_printed_where_nothing_is_wanted(worlds, tmp_path, diagnose):
+    assert call(worlds, "--out", tmp_path / "out", "--workers", 1, "--quiet").output == ""
