@@ -1,5 +1,6 @@
 """`matphys view`: a twin to play with, in a browser."""
 
+import contextlib
 from pathlib import Path
 
 import click
@@ -36,4 +37,5 @@ def view(
         playground = open_playground(twin, host, port, compare, report, observation)
     warn(doubts)
     click.echo(f"{playground.url} (end with Ctrl-C)")
-    playground.run()
+    with contextlib.suppress(KeyboardInterrupt):
+        playground.run()

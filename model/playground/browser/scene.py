@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 
 from model.playground.actor import Actor
 from model.playground.colors import ColorBy, Colors
@@ -20,8 +20,10 @@ SCALE = 100.0
 """The browser is told centimetres: it keeps covariances in half precision, too coarse for metres."""
 FREE, DRAGGED, PINNED, HAND = (60, 130, 246), (255, 170, 40), (225, 60, 60), (235, 80, 40)
 """Colours of control points and of the clip's hand."""
-BALL = 1.3
-"""Radius of a control point, in lengths of a spring."""
+BALL, SHARE = 1.3, 0.04
+"""Radius of a control point, in lengths of a spring, and at most this share of the object."""
+FALL = 3.0
+"""A ground so far below, in sizes of the object, is in view at first."""
 VIEW = 0.9
 """Field of view [rad], from top to bottom."""
 
@@ -36,10 +38,11 @@ class Scene:
     def __init__(self, server: "viser.ViserServer", session: Session, colors: Colors) -> None:
         """Put everything on the stage."""
         self._server, self._session, self.colors = server, session, colors
-        self._radius = BALL * spring_length(session.bundle)
+        size = float(np.linalg.norm(np.ptp(session.bundle.topology.points, axis=0)))
+        self._radius = min(BALL * spring_length(session.bundle), SHARE * size)
         self._looks = [Look(actor.bundle) for actor in session.actors]
         self._splats: list[Any] = []
-        self._balls: dict[tuple[int, int], Any] = {}
+        self.balls: dict[tuple[int, int], Any] = {}
         self._pulls: dict[tuple[int, int], Float64[Array, " 3"]] = {}
         self._shown: tuple[object, ...] | None = None
         server.scene.world_axes.visible = False
@@ -49,6 +52,7 @@ class Scene:
             self._splats.append(self._add_splats(i, actor))
         self._look_from()
         server.scene.on_click()(self._clicked)
+        server.scene.on_click(modifier="shift")(self._clicked_with_shift)
 
     def show(self, moment: Moment, by: ColorBy) -> None:
         """Send what has changed."""
@@ -138,14 +142,18 @@ class Scene:
         return places if len(places) else np.zeros((1, 3))
 
     def _look_from(self) -> None:
-        """Before the stage, slightly above, with all of it in view."""
-        points = np.concatenate(
-            [actor.bundle.topology.points + actor.shift for actor in self._session.actors]
-        )
-        low, high = points.min(axis=0), points.max(axis=0)
+        """Before the stage, slightly above, with all in view that will move, and the ground if it is near."""
+        bundle, settings = self._session.bundle, self._session.moment.settings
+        low, high = (side(bundle.topology.points, axis=0).astype(np.float64) for side in (np.min, np.max))
+        size = float(np.linalg.norm(high - low))
+        if bundle.controls is not None and bundle.controls.size:
+            low = np.minimum(low, bundle.controls.min(axis=(0, 1)))
+            high = np.maximum(high, bundle.controls.max(axis=(0, 1)))
+        if settings.ground and low[2] - settings.ground_height < FALL * size:
+            low[2] = min(low[2], settings.ground_height)
+        high = high + self._session.actors[-1].shift
         reach = 0.85 * float(np.linalg.norm(high - low)) / np.tan(VIEW / 2)
-        center = (low + high) / 2
-        camera = self._server.initial_camera
+        camera, center = self._server.initial_camera, (low + high) / 2
         camera.fov = VIEW
         camera.look_at = tuple(SCALE * center)
         camera.position = tuple(SCALE * (center + reach * np.array([0.0, -0.82, 0.57])))
@@ -153,13 +161,13 @@ class Scene:
     def _show_grips(self, grips: tuple[Grip, ...]) -> None:
         """A ball for each control point and actor: where it pulls, or where its point is."""
         wanted = {(grip.number, i): grip for grip in grips for i in range(len(self._session.actors))}
-        for gone in set(self._balls) - set(wanted):
-            self._balls.pop(gone).remove()
+        for gone in set(self.balls) - set(wanted):
+            self.balls.pop(gone).remove()
         for key, grip in wanted.items():
             color = DRAGGED if grip.dragged else PINNED if grip.pinned else FREE
-            if key not in self._balls:
-                self._balls[key] = self._add_ball(key)
-            ball, actor = self._balls[key], self._session.actors[key[1]]
+            if key not in self.balls:
+                self.balls[key] = self._add_ball(key)
+            ball, actor = self.balls[key], self._session.actors[key[1]]
             place = grip.place if grip.holds else actor.positions[grip.point]
             ball.position = tuple(SCALE * (place + actor.shift))
             if tuple(ball.color) != color:
@@ -174,16 +182,6 @@ class Scene:
         async def _(event: "viser.SceneNodeDragEvent[viser.IcosphereHandle]") -> None:
             self._dragged(key, event.phase, np.array(event.end_position), np.array(event.start_position))
 
-        @ball.on_click
-        async def _(event: object) -> None:
-            grip = next((g for g in self._session.moment.grips if g.number == key[0]), None)
-            if grip is not None:
-                self._session.pin(key[0], not grip.pinned)
-
-        @ball.on_click(modifier="shift")
-        async def _(event: object) -> None:
-            self._session.let_go(key[0])
-
         return ball
 
     def _dragged(
@@ -196,7 +194,7 @@ class Scene:
         """The ball keeps its distance to the pointer, which took it anywhere."""
         number, shift = key[0], self._session.actors[key[1]].shift
         if phase == "start":
-            self._pulls[key] = np.array(self._balls[key].position) - start
+            self._pulls[key] = np.array(self.balls[key].position) - start
         if phase == "end":
             self._pulls.pop(key, None)
             self._session.drop(number)
@@ -204,22 +202,39 @@ class Scene:
             self._session.drag(number, (pointer + self._pulls[key]) / SCALE - shift)
 
     def _clicked(self, event: "viser.SceneClickEvent") -> None:
-        """A click that meets no ball means the object, if it meets that."""
-        origin, way = np.array(event.ray_origin) / SCALE, np.array(event.ray_direction)
-        for key, ball in list(self._balls.items()):
-            to = np.array(ball.position) / SCALE - origin
-            beside = np.linalg.norm(to - (to @ way) * way / (way @ way))
-            if key in self._balls and beside <= 1.2 * self._radius:
-                return
-        best = min(
-            range(len(self._session.actors)),
-            key=lambda i: _beside(self._session.actors[i], origin, way),
+        """Pin the control point that is meant, or free it; else make one where the object is meant."""
+        origin, way = _sight(event)
+        number, actors = self._ball_at(origin, way), self._session.actors
+        if number is not None:
+            pinned = any(grip.number == number and grip.pinned for grip in self._session.moment.grips)
+            self._session.pin(number, not pinned)
+            return
+        meant = min(
+            range(len(actors)), key=lambda i: _beside(actors[i].positions + actors[i].shift, origin, way)
         )
-        self._session.grab(best, origin - self._session.actors[best].shift, way)
+        self._session.grab(meant, origin - actors[meant].shift, way)
+
+    def _clicked_with_shift(self, event: "viser.SceneClickEvent") -> None:
+        """Remove the control point that is meant."""
+        number = self._ball_at(*_sight(event))
+        if number is not None:
+            self._session.let_go(number)
+
+    def _ball_at(self, origin: Float64[Array, " 3"], way: Float64[Array, " 3"]) -> int | None:
+        """The control point that a line of sight meets."""
+        places = {key: np.array([ball.position]) / SCALE for key, ball in list(self.balls.items())}
+        beside = {key: _beside(place, origin, way) for key, place in places.items()}
+        met = [key for key in beside if beside[key] <= 1.2 * self._radius]
+        return min(met, key=lambda key: beside[key])[0] if met else None
 
 
-def _beside(actor: Actor, origin: Float64[Array, " 3"], way: Float64[Array, " 3"]) -> float:
-    """How far a line of sight passes from an actor [m]."""
-    to = actor.positions + actor.shift - origin
+def _sight(event: "viser.SceneClickEvent") -> tuple[Float64[Array, " 3"], Float64[Array, " 3"]]:
+    """Where a click looks from [m], and which way."""
+    return np.array(event.ray_origin, np.float64) / SCALE, np.array(event.ray_direction, np.float64)
+
+
+def _beside(places: Float[Array, "n 3"], origin: Float64[Array, " 3"], way: Float64[Array, " 3"]) -> float:
+    """How far a line of sight passes from the nearest of some places [m]."""
+    to = places - origin
     along = (to @ way) / (way @ way)
     return float(np.linalg.norm(to - along[:, None] * way, axis=1).min())

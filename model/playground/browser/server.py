@@ -46,8 +46,8 @@ class Playground:
         self._stop = threading.Event()
         self._failure: BaseException | None = None
         recording = Recording(session.interval)
-        self._scene = Scene(self.server, session, colors)
-        self._panel = Panel(self.server, session, self._scene, recording, name)
+        self.scene = Scene(self.server, session, colors)
+        self._panel = Panel(self.server, session, self.scene, recording, name)
         self._recording = recording
 
     def run(self) -> None:
@@ -57,12 +57,13 @@ class Playground:
         try:
             while not self._stop.wait(1.0 / PICTURES):
                 moment = self.session.moment
-                self._scene.show(moment, self._panel.color_by)
+                self.scene.show(moment, self._panel.color_by)
                 self._panel.show(moment)
         finally:
             self.stop()
             mover.join()
-            self.server.stop()
+            with contextlib.redirect_stdout(io.StringIO()):  # it says so
+                self.server.stop()
         if self._failure is not None:
             raise self._failure
 

@@ -1,0 +1,152 @@
+"""A playground in a headless Chromium that draws in software; where none is installed, tests skip."""
+
+import contextlib
+import io
+import shutil
+import socket
+import threading
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import expect, sync_playwright
+
+from model.playground.browser.server import open_playground
+
+FLAGS = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
+NEAR = 12.0
+"""Pixels by which what is seen may be off the middle of the points: a ball covers some of it."""
+PATIENCE = 60.0
+"""Seconds: software WebGL on a busy machine is slow."""
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    path = next((found for name in NAMES if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"no Chromium on the PATH (looked for {', '.join(NAMES)}): apt-get install chromium")
+    expect.set_options(timeout=1000 * PATIENCE)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture
+def green_twin(plain_twin, tmp_path):
+    """The file of a small twin of a colour that nothing else on the page has."""
+    gaussians = plain_twin.gaussians
+    green = np.tile(np.float32([0.05, 0.6, 0.1]), (len(gaussians), 1))
+    bundle = replace(plain_twin, gaussians=replace(gaussians, colors=green))
+    bundle.save(tmp_path / "cube.twin.zip")
+    return tmp_path / "cube.twin.zip"
+
+
+class Play:
+    """A playground as its user has it before them."""
+
+    def __init__(self, playground, page):
+        self.playground, self.session, self.page = playground, playground.session, page
+
+    def wait(self, reached, what):
+        end = time.monotonic() + PATIENCE
+        while not reached():
+            assert time.monotonic() < end, f"waited in vain: {what}"
+            self.page.wait_for_timeout(50)
+
+    def settled(self):
+        """Wait until the object moves no more; then its points."""
+
+        def still():
+            before = self.session.moment
+            self.wait(lambda: self.session.moment.frame > before.frame + 5, "frames")
+            return np.abs(self.session.moment.points[0] - before.points[0]).max() < 5e-4
+
+        self.wait(still, "the object to come to rest")
+        return self.session.moment.points[0]
+
+    def pixel(self, place):
+        """Where a place [m] is on the page [px]."""
+        (client,) = self.playground.server.get_clients().values()
+        longest = max(client.camera.image_width, client.camera.image_height)
+        pixels, _ = self.playground.scene.camera(client.camera, longest).project(np.asarray(place)[None])
+        return pixels[0]
+
+    def click(self, place, **options):
+        self.page.mouse.click(*self.pixel(place), **options)
+
+    def drag(self, place, by):
+        """Move the mouse, pressed, from a place [m] by so many pixels; it stays pressed."""
+        start = self.pixel(place)
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        for share in np.linspace(0.1, 1.0, 10):
+            self.page.mouse.move(*(start + share * np.array(by)))
+            self.page.wait_for_timeout(60)
+
+    def seen(self):
+        """Where the page shows the object [px]: the middle of what is green on the stage."""
+        data = self.page.screenshot()
+        picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)[:, :700]
+        green = (picture[..., 1] > picture[..., 0] + 40) & (picture[..., 1] > picture[..., 2] + 40)
+        return np.argwhere(green)[:, ::-1].mean(axis=0) if green.sum() > 50 else None
+
+    def seen_at(self, points):
+        """Wait until the page shows the object where its points are; then where that is [px]."""
+        goal, found = self.pixel(points.astype(np.float64).mean(axis=0)), []
+
+        def there():
+            found.append(self.seen())
+            return found[-1] is not None and np.linalg.norm(found[-1] - goal) < NEAR
+
+        self.wait(there, f"the object to be shown at {goal}")
+        return found[-1]
+
+    def button(self, name):
+        return self.page.get_by_role("button", name=name, exact=True)
+
+
+@pytest.fixture
+def play(chromium, green_twin, free_port):
+    """Opens a playground in a page; what goes wrong in the page fails the test."""
+    troubles, stack = [], contextlib.ExitStack()
+
+    def start(path=green_twin, **options):
+        playground = open_playground(path, port=free_port, **options)
+        thread = threading.Thread(target=playground.run)
+        thread.start()
+        stack.callback(thread.join, 30)
+        stack.callback(playground.stop)
+        context = chromium.new_context(viewport={"width": 1000, "height": 700}, accept_downloads=True)
+        stack.callback(context.close)
+        page = context.new_page()
+        page.on("pageerror", lambda error: troubles.append(str(error)))
+        page.goto(playground.url)
+        made = Play(playground, page)
+        made.wait(playground.server.get_clients, "the browser to connect")
+        expect(made.button("Pause")).to_be_visible()
+        made.wait(lambda: made.seen() is not None, "the object to be shown")
+        return made
+
+    with stack:
+        yield start
+    assert troubles == []

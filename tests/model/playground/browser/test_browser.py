@@ -1,0 +1,106 @@
+"""The playground, driven as a person would: real clicks and drags in a real page."""
+
+import signal
+import subprocess
+import sys
+import urllib.request
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.bundle import TwinBundle
+
+pytestmark = pytest.mark.slow
+
+
+def middle(points):
+    return points.astype(np.float64).mean(axis=0)
+
+
+def test_the_object_follows_the_mouse(play):
+    page = play()
+    page.button("Let the hand go").click()
+    points = page.settled()
+    assert points[:, 2].min() == pytest.approx(0.1, abs=5e-3)
+    start = page.seen_at(points)
+
+    top = points[points[:, 2].argmax()]
+    page.click(top)
+    page.wait(lambda: page.session.moment.grips, "a control point")
+    (grip,) = page.session.moment.grips
+    page.wait(lambda: (grip.number, 0) in page.playground.scene.balls, "its ball")
+    page.page.wait_for_timeout(500)
+
+    page.drag(grip.place, (-90, -110))
+    page.wait(lambda: page.session.moment.grips[0].dragged, "the drag to be heard")
+    lifted = page.settled()
+    followed = page.pixel(middle(lifted)) - page.pixel(middle(points))
+    assert followed[1] < -50
+    assert followed[0] < -40
+    assert np.linalg.norm((page.seen_at(lifted) - start) - followed) < 25
+    held = page.session.moment.grips[0]
+    assert np.linalg.norm(page.pixel(held.place) - page.pixel(grip.place) - [-90, -110]) < 15
+
+    page.page.mouse.up()
+    page.wait(lambda: not page.session.moment.grips[0].holds, "the object to be let go")
+    fallen = page.settled()
+    assert middle(fallen)[2] < middle(lifted)[2] - 0.02
+    assert page.seen_at(fallen)[1] > page.pixel(middle(lifted))[1] + 10
+
+
+def test_a_click_pins_a_control_point_and_one_with_shift_removes_it(play):
+    page = play()
+    points = page.settled()
+    page.click(points[points[:, 2].argmax()])
+    page.wait(lambda: page.session.moment.grips, "a control point")
+    page.page.wait_for_timeout(700)
+    page.click(page.session.moment.grips[0].place)
+    page.wait(lambda: page.session.moment.grips[0].pinned, "the pin")
+    page.button("Let the hand go").click()
+    page.wait(lambda: not page.session.moment.hand, "the hand to let go")
+    hanging = page.settled()
+    assert hanging[:, 2].max() > 0.2
+    page.page.keyboard.down("Shift")
+    page.click(page.session.moment.grips[0].place)
+    page.page.keyboard.up("Shift")
+    page.wait(lambda: not page.session.moment.grips, "the control point to go")
+    assert page.settled()[:, 2].max() < 0.2
+
+
+def test_sliders_colours_video_and_the_edited_twin(play, tmp_path):
+    page = play()
+    drag = page.page.get_by_role("slider").nth(8)
+    page.page.get_by_label("Friction").first.scroll_into_view_if_needed()
+    with page.page.expect_download() as caught:
+        page.button("Save the edited twin").click()
+        page.page.get_by_text("cube.edited.twin.zip").first.click()
+    caught.value.save_as(tmp_path / "same.twin.zip")
+    assert TwinBundle.load(tmp_path / "same.twin.zip").parameters.globals["friction"].value == 0.4
+    assert drag is not None
+
+
+def test_a_comparison_shows_both(play, plain_twin, effect, tmp_path):
+    blown = replace(plain_twin, effects=(effect("wind", drag_per_mass=2.0, x=3.0, y=0.0),))
+    blown.save(tmp_path / "blown.twin.zip")
+    page = play(tmp_path / "blown.twin.zip", compare=True)
+    assert len(page.session.moment.points) == 2
+
+
+def test_the_command_serves_until_it_is_interrupted(green_twin, free_port):
+    matphys = Path(sys.executable).parent / "matphys"
+    command = [str(matphys), "view", str(green_twin), "--port", str(free_port)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout.readline() == f"http://127.0.0.1:{free_port} (end with Ctrl-C)\n"
+        with urllib.request.urlopen(f"http://127.0.0.1:{free_port}/", timeout=30) as page:
+            assert page.status == 200
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        process.wait()
+        rest = process.stdout.read()
+        process.stdout.close()
+    assert rest == ""
