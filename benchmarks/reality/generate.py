@@ -3,6 +3,8 @@
     python -m benchmarks.reality.generate --split dev --count 40 --out out/worlds/dev
     python -m benchmarks.reality.generate --split test --count 100 --out out/worlds/test
 
+What is in the folder already is not made again.
+
 Development worlds are moved by MuJoCo, test worlds by our own finite elements, with other objects. Each
 world is a pair `NAME.npz` and `NAME.transfer.npz`: the same object, tracked points in the same order,
 another interaction.
@@ -21,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.reality.effects import ALL, draw
-from benchmarks.reality.labels import PLAIN, SEALED, open_labels, write_labels
+from benchmarks.reality.labels import known_labels, write_labels
 from benchmarks.reality.magnitude import Simulate, checked_gap, hopeless, measure, tune
 from benchmarks.reality.recipe import SPLITS, Recipe, Split, draw_recipe
 from benchmarks.reality.sensor import Sensor, lagging, report
@@ -184,37 +186,28 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("test worlds have a generator of their own")
     chosen = options.generator or GENERATORS[options.split]
     options.out.mkdir(parents=True, exist_ok=True)
+    labels = known_labels(options.out)
+    made = {label["world"] for label in labels}
     jobs = [
-        (options.seed, options.split, i, chosen, options.out)
-        for i in range(options.first, options.first + options.count)
+        (options.seed, options.split, index, chosen, options.out)
+        for index in range(options.first, options.first + options.count)
+        if _name(options.split, options.seed, index) not in made
     ]
-    made = {_name(options.split, options.seed, index) for _, _, index, _, _ in jobs}
-    sealed = options.split == "test"
-    if sealed and (options.out / SEALED).exists():
-        parser.error(f"{options.out} holds sealed worlds, whose labels would be lost: choose another folder")
-    labels = [] if sealed else [label for label in _known(options.out) if label["world"] not in made]
-    began, missed = time.monotonic(), 0
+    began, missed, path = time.monotonic(), 0, options.out
     with ProcessPoolExecutor(options.workers) as pool:
         for done, label in enumerate(pool.map(_work, jobs), 1):
             if label is None:
                 missed += 1
             else:
                 labels.append(label)
-                path = write_labels(options.out, labels, sealed)
+                path = write_labels(options.out, labels, sealed=options.split == "test")
             spent = time.monotonic() - began
             left = spent / done * (len(jobs) - done)
             print(f"{done}/{len(jobs)} worlds, {spent:.0f} s, about {left:.0f} s left", flush=True)
-    if not labels:
-        return 1
-    print(
-        f"wrote {len(labels)} worlds and {path}, sha256 {hashlib.sha256(path.read_bytes()).hexdigest()[:16]}"
-    )
+    if path != options.out:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        print(f"wrote {len(jobs) - missed} of {len(labels)} worlds and {path}, sha256 {digest}")
     return 1 if missed else 0
-
-
-def _known(folder: Path) -> list[dict[str, Any]]:
-    """Labels of development worlds that are already there."""
-    return open_labels(folder) if (folder / PLAIN).is_file() else []
 
 
 if __name__ == "__main__":

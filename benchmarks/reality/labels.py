@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from model.gap.benchmark.labels import LOG, PLAIN, SEALED, open_labels, seal
-
-__all__ = ["LOG", "PLAIN", "SEALED", "open_labels", "write_labels"]
+from model.gap.benchmark.labels import PLAIN, SEALED, open_labels, seal, unseal
 
 
 def write_labels(folder: Path, labels: list[dict[str, Any]], sealed: bool) -> Path:
@@ -16,8 +14,17 @@ def write_labels(folder: Path, labels: list[dict[str, Any]], sealed: bool) -> Pa
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(labels, indent=1, default=_plain)
     path = folder / (SEALED if sealed else PLAIN)
-    path.write_bytes(seal(text.encode()) if sealed else text.encode())
+    new = path.with_suffix(".new")
+    new.write_bytes(seal(text.encode()) if sealed else text.encode())
+    new.replace(path)
     return path
+
+
+def known_labels(folder: Path) -> list[dict[str, Any]]:
+    """What is written there already, so that a folder can grow; nobody gets to see it."""
+    if (folder / SEALED).is_file():
+        return unseal(folder / SEALED)
+    return open_labels(folder) if (folder / PLAIN).is_file() else []
 
 
 def _plain(value: Any) -> Any:

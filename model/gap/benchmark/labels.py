@@ -43,20 +43,29 @@ def open_labels(folder: Path, predictions: Path | None = None) -> list[Label]:
     if predictions is None or not predictions.is_file():
         raise InputError(f"{sealed} is sealed: give the file of predictions, whose hash is logged first")
     _log(folder / LOG, predictions)
-    data = sealed.read_bytes()
+    return unseal(sealed)
+
+
+def seal(text: bytes) -> bytes:
+    """The content of a sealed file of labels."""
+    return MAGIC + hashlib.sha256(text).digest() + masked(zlib.compress(text, 9))
+
+
+def unseal(path: Path) -> list[Label]:
+    """The labels in a sealed file, for those who add to them; others ask `open_labels`.
+
+    Raises:
+        InputError: they were changed.
+    """
+    data = path.read_bytes()
     head = len(MAGIC)
     try:
         text = zlib.decompress(masked(data[head + 32 :]))
     except zlib.error:
         text = b""
     if not data.startswith(MAGIC) or hashlib.sha256(text).digest() != data[head : head + 32]:
-        raise InputError(f"{sealed} was changed since it was sealed: make the worlds again")
-    return _parsed(text, sealed)
-
-
-def seal(text: bytes) -> bytes:
-    """The content of a sealed file of labels."""
-    return MAGIC + hashlib.sha256(text).digest() + masked(zlib.compress(text, 9))
+        raise InputError(f"{path} was changed since it was sealed: make the worlds again")
+    return _parsed(text, path)
 
 
 def masked(data: bytes) -> bytes:

@@ -227,6 +227,9 @@ def test_command_writes_pairs_with_neutral_names(tmp_path: Path, capsys: pytest.
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes(), (
             "deterministic by seed"
         )
+    capsys.readouterr()
+    assert generate.main([*options, str(tmp_path / "a")]) == 0
+    assert capsys.readouterr().out == "", "it is there already"
     with np.load(tmp_path / "a" / names[0]) as world:
         assert set(world) <= {"times", "points", "controllers", "gravity", "ground_height"}
     with pytest.raises(SystemExit):
