@@ -170,7 +170,7 @@ class Panel:
             self._drawing = f"drawing the video: {len(shots)} frames"
             try:
                 movie = draw(shots, interval, self._session.actors, self._colors, camera, best_renderer())
-                client.send_file_download(f"{self._name}.mp4", movie)
+                client.send_file_download(f"{self._name}.mp4", movie, save_immediately=True)
             finally:
                 self._drawing = ""
 
@@ -183,7 +183,7 @@ class Panel:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / name
             self._session.edited().save(path)
-            event.client.send_file_download(name, path.read_bytes())
+            event.client.send_file_download(name, path.read_bytes(), save_immediately=True)
 
 
 def state_text(moment: Moment, drawing: str = "") -> str:

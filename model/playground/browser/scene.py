@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float32, Float64
 
 from model.playground.actor import Actor
 from model.playground.colors import ColorBy, Colors
@@ -48,6 +48,7 @@ class Scene:
         server.scene.world_axes.visible = False
         self._ground = self._add_ground()
         self._hands = [self._add_hand(i) for i in range(len(session.actors))]
+        self._names = [self._add_name(i) for i in range(len(session.actors))]
         for i, actor in enumerate(session.actors):
             self._splats.append(self._add_splats(i, actor))
         self._look_from()
@@ -72,6 +73,7 @@ class Scene:
                     self.colors(by, moment.settings, points),
                     self._session.bundle.gaussians.opacities[:, None],
                 )
+                self._names[i].position = self._above(actor, points)
                 self._hands[i].visible = moment.hand
                 if moment.hand:
                     self._hands[i].points = (SCALE * self._places(moment, i)).astype(np.float32)
@@ -100,11 +102,6 @@ class Scene:
     def _add_splats(self, i: int, actor: Actor) -> Any:  # noqa: ANN401 - viser's own handle
         points = self._session.moment.points[i]
         centers, covariances = self._looks[i](points)
-        if actor.name:
-            low, high = actor.positions.min(axis=0), actor.positions.max(axis=0)
-            above = float(high[2] + 0.15 * (high - low).max())
-            place = SCALE * (np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, above]) + actor.shift)
-            self._server.scene.add_label(f"/names/{i}", actor.name, position=place, anchor="bottom-center")
         return self._server.scene.add_gaussian_splats(
             f"/twins/{i}",
             (SCALE * (centers + actor.shift)).astype(np.float32),
@@ -112,6 +109,22 @@ class Scene:
             self._session.bundle.gaussians.colors,
             self._session.bundle.gaussians.opacities[:, None],
         )
+
+    def _add_name(self, i: int) -> Any:  # noqa: ANN401 - viser's own handle
+        actor = self._session.actors[i]
+        return self._server.scene.add_label(
+            f"/names/{i}",
+            actor.name,
+            position=self._above(actor, self._session.moment.points[i]),
+            anchor="bottom-center",
+            visible=bool(actor.name),
+        )
+
+    def _above(self, actor: Actor, points: Float32[Array, "N 3"]) -> tuple[float, float, float]:
+        """Where the name of an actor stands."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        x, y, z = SCALE * (np.array([*(low[:2] + high[:2]) / 2, high[2] + 2 * self._radius]) + actor.shift)
+        return float(x), float(y), float(z)
 
     def _add_ground(self) -> Any:  # noqa: ANN401 - viser's own handle
         return self._server.scene.add_grid(
@@ -152,7 +165,7 @@ class Scene:
         if settings.ground and low[2] - settings.ground_height < FALL * size:
             low[2] = min(low[2], settings.ground_height)
         high = high + self._session.actors[-1].shift
-        reach = 0.85 * float(np.linalg.norm(high - low)) / np.tan(VIEW / 2)
+        reach = 0.6 * float(np.linalg.norm(high - low)) / np.tan(VIEW / 2)
         camera, center = self._server.initial_camera, (low + high) / 2
         camera.fov = VIEW
         camera.look_at = tuple(SCALE * center)
