@@ -28,10 +28,10 @@ def drive(
     qd: wp.array[wp.vec3],
 ) -> None:
     """Put the controllers where they are after this share of the way to the next frame."""
-    i: Any = wp.tid()
+    i = wp.tid()
     way = after[i] - before[i]
-    q[first + i] = before[i] + way * share
-    qd[first + i] = way / interval
+    q[first + i] = before[i] + way * share  # type: ignore[operator]
+    qd[first + i] = way / interval  # type: ignore[operator]
 
 
 @wp.kernel  # type: ignore[untyped-decorator]
@@ -47,7 +47,7 @@ def finish(
     qd: wp.array[wp.vec3],
 ) -> None:
     """Drag, then the impact of the ground, on velocities; positions follow from where the step started."""
-    i: Any = wp.tid()
+    i = wp.tid()
     v = qd[i] * decay
     x = start[i]
     if ground == 1 and v[2] < 0.0 and x[2] + dt * v[2] < height:

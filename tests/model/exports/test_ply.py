@@ -6,7 +6,8 @@ import trimesh
 
 from model.bundle import TwinBundle
 from model.errors import InputError
-from model.exports import ALL_EXPORTERS
+from model.exports import ALL_EXPORTERS, exporter_of
+from model.exports.mechanics import roll
 from model.exports.ply import PlyExporter
 from model.formats.ply import decode_ply, encode_ply
 from model.types import Gaussians
@@ -81,3 +82,28 @@ def test_certain_opacities_stay_finite(gaussians: Gaussians):
 def test_a_folder_is_refused(twin_path: Path, tmp_path: Path):
     with pytest.raises(InputError, match="it is a folder"):
         PlyExporter()(TwinBundle.load(twin_path), tmp_path)
+
+
+def test_a_file_per_frame_moves_as_the_twin_does(rope: TwinBundle, tmp_path: Path):
+    written = PlyExporter(every_frame=True)(rope, tmp_path / "frames")
+    files = sorted(path for path in written if path.suffix == ".ply")
+    moved = roll(rope).points
+    assert len(files) == len(moved)
+    for frame in (0, 12, len(moved) - 1):
+        np.testing.assert_allclose(trimesh.load(files[frame]).vertices, moved[frame], atol=1e-5)
+    assert "30 per second" in (tmp_path / "frames" / "README.md").read_text()
+
+
+def test_the_readme_is_in_the_header(rope: TwinBundle, tmp_path: Path):
+    PlyExporter()(rope, tmp_path / "twin.ply")
+    data = (tmp_path / "twin.ply").read_bytes()
+    head = data[: data.index(b"end_header")].decode("ascii")
+    assert "comment World frame: right-handed, z up" in head
+    assert "cannot express" in head
+    assert trimesh.load(tmp_path / "twin.ply").vertices.shape == (len(rope.gaussians), 3)
+    assert len(decode_ply(data, "x")) == len(rope.gaussians)
+
+
+def test_frames_of_another_format_are_refused():
+    with pytest.raises(InputError, match="--frames: glb"):
+        exporter_of("glb", every_frame=True)
