@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.gap.benchmark.document import Run
-from model.gap.benchmark.labels import open_labels
+from model.gap.benchmark.labels import check_labels, open_labels
 from model.gap.benchmark.outcomes import Outcome, outcomes
 from model.gap.benchmark.predict import PREDICTIONS, Diagnose, digest, predict
 from model.gap.benchmark.table import Table, table
@@ -51,6 +51,7 @@ def benchmark(
     Raises:
         InputError: there are no worlds or no labels, or they do not belong together.
     """
+    check_labels(worlds)
     said = predict(worlds, out, diagnose, workers, progress)
     sealed = digest(out / PREDICTIONS)
     joined = outcomes(said, open_labels(worlds, out / PREDICTIONS))

@@ -63,7 +63,7 @@ def detectability(table: Table) -> Figure:
     axes.set_ylim(-0.02, 1.02)
     axes.set_xlabel("gap after a refit, over noise and discretisation", fontsize=SMALL)
     axes.set_ylabel("share of worlds", fontsize=SMALL)
-    axes.legend(frameon=False, fontsize=SMALL, loc="upper left")
+    axes.legend(frameon=False, fontsize=SMALL, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     return figure
 
 

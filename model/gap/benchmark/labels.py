@@ -36,10 +36,9 @@ def open_labels(folder: Path, predictions: Path | None = None) -> list[Label]:
         InputError: no labels, sealed labels without predictions, or labels that were changed.
     """
     plain, sealed = folder / PLAIN, folder / SEALED
+    check_labels(folder)
     if plain.is_file():
         return _parsed(plain.read_bytes(), plain)
-    if not sealed.is_file():
-        raise InputError(f"{folder}: expected {PLAIN} or {SEALED} beside the worlds, found neither")
     if predictions is None or not predictions.is_file():
         raise InputError(f"{sealed} is sealed: give the file of predictions, whose hash is logged first")
     _log(folder / LOG, predictions)
@@ -49,6 +48,16 @@ def open_labels(folder: Path, predictions: Path | None = None) -> list[Label]:
 def seal(text: bytes) -> bytes:
     """The content of a sealed file of labels."""
     return MAGIC + hashlib.sha256(text).digest() + masked(zlib.compress(text, 9))
+
+
+def check_labels(folder: Path) -> None:
+    """See that there are labels, before hours of work whose worth they tell.
+
+    Raises:
+        InputError: there are none.
+    """
+    if not (folder / PLAIN).is_file() and not (folder / SEALED).is_file():
+        raise InputError(f"{folder}: expected {PLAIN} or {SEALED} beside the worlds, found neither")
 
 
 def unseal(path: Path) -> list[Label]:

@@ -6,6 +6,7 @@ from types import ModuleType
 import pytest
 from click.testing import CliRunner
 
+from model.errors import InputError
 from model.gap.benchmark.command import gap_benchmark
 from model.gap.benchmark.labels import LOG, PLAIN, SEALED, seal
 
@@ -57,3 +58,10 @@ def test_sealed_labels_are_opened_after_the_predictions_are_hashed(worlds, tmp_p
 
 def test_nothing_is_printed_where_nothing_is_wanted(worlds, tmp_path, diagnose):
     assert call(worlds, "--out", tmp_path / "out", "--workers", 1, "--quiet").output == ""
+
+
+def test_a_folder_without_labels_is_refused_before_any_work(worlds, tmp_path, diagnose):
+    (worlds / PLAIN).unlink()
+    with pytest.raises(InputError, match=r"expected labels\.json or labels\.sealed"):
+        call(worlds, "--out", tmp_path / "out", "--workers", 1)
+    assert not (tmp_path / "out").exists()
