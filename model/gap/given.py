@@ -54,12 +54,16 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
             stacklevel=2,
         )
     _compare_grounds(bundle, observation)
-    theirs = _same_hand(graph, observation)
-    body = _body(graph, fine, observation, theirs)
-    twin = PlainTwin.of(body, observation, _matter(graph, body, bundle, theirs, observation))
-    return replace(
-        twin, carried=tuple(thinned(record, became, len(graph.points)) for record in bundle.effects)
-    )
+    carried = tuple(thinned(record, became, len(graph.points)) for record in bundle.effects)
+    body = _body(graph, fine, observation)
+    if _same_hand(graph, observation):
+        matter = _held(_matter(graph, bundle, Matter.guessed(body, observation)), graph)
+        twin = PlainTwin.of(body, observation, matter)
+        return replace(twin, carried=carried)
+    near = grip_of(body.points, observation.controllers[0].astype(np.float64), body.spacing)
+    hand = PlainTwin.of(replace(body, grip=near), observation)
+    twin = PlainTwin.of(hand.body, observation, _matter(graph, bundle, hand.matter))
+    return replace(twin, controls=hand.controls, carried=carried)
 
 
 def thinned(record: EffectRecord, became: Int64[Array, " P"], count: int) -> EffectRecord:
@@ -90,40 +94,46 @@ def bound(
     return index, weight / weight.sum(1, keepdims=True)
 
 
-def _body(graph: Graph, fine: Graph, observation: Observation, theirs: bool) -> Body:
+def _body(graph: Graph, fine: Graph, observation: Observation) -> Body:
+    """With the grip of the twin's own hand."""
     points, spacing = graph.points, graph.spacing
     index, weight = bound(first_places(observation), points, spacing)
-    held = graph.grip if theirs else grip_of(points, observation.controllers[0].astype(np.float64), spacing)
     share: Float64[Array, " P"] = graph.mass / graph.mass.sum()
     shape = guess_shape(fine.points[:: math.ceil(len(fine.points) / LOOKED_AT)])
-    return Body(shape, points, graph.springs, share, index, weight, held, spacing)
+    return Body(shape, points, graph.springs, share, index, weight, graph.grip, spacing)
 
 
-def _matter(graph: Graph, body: Body, bundle: TwinBundle, theirs: bool, observation: Observation) -> Matter:
-    guessed = Matter.guessed(body, observation)
+def _matter(graph: Graph, bundle: TwinBundle, guessed: Matter) -> Matter:
+    """The twin's own, held as was guessed."""
     usual = float(np.median(graph.stiffness))
     start = {
+        **guessed.start,
         "stiffness": usual,
         "damping": graph.damping / (2.0 * float(np.sqrt(usual * np.median(graph.mass)))),
         "drag_rate": scalar(bundle.parameters, "drag_rate", 0.0),
         "prestress": 0.0,
-        "grip": guessed.start["grip"],
         "friction": scalar(bundle.parameters, "friction", 0.0),
     }
-    grip_pattern, grip_length = guessed.grip_pattern, guessed.grip_length
-    if theirs:
-        firm = float(np.median(graph.grip_stiffness))
-        start["grip"] = firm / usual
-        grip_pattern, grip_length = graph.grip_stiffness / firm, graph.grip_length
-    return Matter(
-        graph.mass,
-        graph.stiffness / usual,
-        graph.rest_length,
-        grip_pattern,
-        grip_length,
-        start,
-        scalar(bundle.parameters, "restitution", 0.0),
-        scalar(bundle.parameters, "collision_distance", 0.0),
+    return replace(
+        guessed,
+        mass=graph.mass,
+        pattern=graph.stiffness / usual,
+        length=graph.rest_length,
+        start=start,
+        restitution=scalar(bundle.parameters, "restitution", 0.0),
+        collision_distance=scalar(bundle.parameters, "collision_distance", 0.0),
+    )
+
+
+def _held(matter: Matter, graph: Graph) -> Matter:
+    """Held by the springs of the twin's hand."""
+    firm = float(np.median(graph.grip_stiffness))
+    return replace(
+        matter,
+        start={**matter.start, "grip": firm / matter.start["stiffness"]},
+        grip_pattern=graph.grip_stiffness / firm,
+        grip_length=graph.grip_length,
+        grip_distance=None,
     )
 
 

@@ -17,7 +17,7 @@ from model.types import Observation
 
 QUIETEST = 5e-5
 """No measurement is less noisy than this [m]."""
-LOST = 0.5
+LOST = 0.25
 """Innovations are bounded by this share of the object's size: beyond it a prediction is just wrong."""
 
 

@@ -1,18 +1,21 @@
 """The plain twin: springs, dashpots, drag, ground and grip, and the parameters that are its own."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Int64
+from scipy.spatial import cKDTree
 from torch import Tensor
 
 from model.gap.bodies.body import Body
+from model.gap.bodies.grip import held_places
 from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
-from model.gap.prestress import resting_tensions
+from model.gap.prestress import Rest, resting
+from model.gap.slight_bending import slight_bending
 from model.gap.world import Sight, World
 from model.schema import EffectRecord
 from model.simulator.build import build_simulator
@@ -24,6 +27,12 @@ MASS = 0.2
 """Of the body [kg]. Without forces measured, motion tells ratios to mass alone."""
 SHORTEST = 0.3
 """No rest length is below this share of the length in the first frame."""
+FARTHEST = 0.5
+"""Spacings: no spring of a hand is stretched by more than this in the first frame."""
+SAME_HAND = 2.5
+"""Spacings: controllers nearer than this belong to one hand."""
+UPRIGHT = {"rope": 2, "sheet": 3, "solid": 5}
+"""Points near each controller that a hand holds at least a little: they carry its turns over."""
 MODES = 2
 """Along the two longest axes of the body, stiffness may grow from one end to the other."""
 
@@ -39,21 +48,33 @@ class Matter:
     length: Float64[Array, " E"]
     """Rest length of each spring without prestress [m]."""
     grip_pattern: Float64[Array, " S"]
-    """Stiffness of each spring of the hand over `grip` times `stiffness`."""
+    """Stiffness of each spring of the hand over `grip` times `stiffness`, where the hand reaches it."""
     grip_length: Float64[Array, " S"]
     """[m]."""
     start: Mapping[str, float]
     """Where a fit of `PlainTwin.quantities` starts."""
+    grip_distance: Float64[Array, " S"] | None = None
+    """How far what is held is from the controllers [m], where it is not known how far the hand reaches."""
     restitution: float = 0.0
     collision_distance: float = 0.0
     """[m]; 0: the body does not meet itself."""
+
+    def fading(self, reach: Tensor | float) -> Float[Tensor, "*b S"] | Float64[Array, " S"]:
+        """How firmly a hand holds each point, 0..1: fully where it is, less with distance over `reach` [m]."""
+        ones = np.ones(len(self.grip_pattern))
+        if self.grip_distance is None:
+            return ones
+        if isinstance(reach, Tensor):
+            return torch.exp(-0.5 * (torch.from_numpy(self.grip_distance) / reach) ** 2)
+        faded: Float64[Array, " S"] = np.exp(-0.5 * (self.grip_distance / reach) ** 2)
+        return faded
 
     @classmethod
     def guessed(cls, body: Body, observation: Observation) -> "Matter":
         """Of a body of which nothing is known but its shape, which is at ease but for its weight."""
         way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
         length: Float64[Array, " E"] = np.linalg.norm(way, axis=1)
-        reach = observation.controllers[0][body.grip[:, 0]] - body.points[body.grip[:, 1]]
+        distance = cKDTree(observation.controllers[0]).query(body.points[body.grip[:, 1]])[0]
         weight = MASS * max(float(np.linalg.norm(observation.gravity)), 1.0)
         start = {
             "stiffness": 30.0 * weight / body.spacing / max(1.0, len(body.points) ** 0.5),
@@ -61,6 +82,7 @@ class Matter:
             "drag_rate": 0.3,
             "prestress": 0.8,
             "grip": 3.0,
+            "reach": 0.6,
             "friction": 0.5,
         }
         return cls(
@@ -68,8 +90,9 @@ class Matter:
             body.spacing / length,
             length,
             np.ones(len(body.grip)),
-            np.linalg.norm(reach, axis=1).astype(np.float64),
+            np.zeros(len(body.grip)),
             start,
+            distance.astype(np.float64),
         )
 
 
@@ -80,22 +103,34 @@ class PlainTwin:
     body: Body
     observation: Observation
     matter: Matter
-    tensions: Float64[Array, " E"]
-    """With which the first frame is at rest [N]."""
+    rest: Rest
+    """With which the first frame is at rest."""
+    controls: Float64[Array, "T H 3"]
+    """Where the other ends of the grip's springs are [m]: the controllers, or the places of what they hold."""
     carried: tuple[EffectRecord, ...] = ()
     """Effects that a given twin has already."""
 
     @classmethod
     def of(cls, body: Body, observation: Observation, matter: Matter | None = None) -> "PlainTwin":
-        """For a body as it lies, hangs or is held in the first frame; without `matter` it is guessed."""
-        matter = matter or Matter.guessed(body, observation)
-        borne = np.zeros(len(body.points), bool)
-        borne[body.grip[:, 1]] = True
+        """For a body as it lies, hangs or is held in the first frame; without `matter` it is guessed.
+
+        A guessed body has no springs to the controllers: each point within reach of one is held where the
+        hand carries it, so that the grip does not depend on where a lattice happens to have points.
+        """
+        controls: Float64[Array, "T H 3"] = observation.controllers.astype(np.float64)
+        if matter is None:
+            held = _reachable(body, observation)
+            if len(held):
+                controls = held_places(controls, body.points[held], SAME_HAND * body.spacing)
+            body = replace(body, grip=np.stack([np.arange(len(held)), held], axis=1))
+            matter = Matter.guessed(body, observation)
+        bearing = np.zeros(len(body.points))
+        np.maximum.at(bearing, body.grip[:, 1], matter.fading(matter.start.get("reach", 1.0) * body.spacing))
         if observation.ground_height is not None:
-            borne |= body.points[:, 2] < observation.ground_height + 0.5 * body.spacing
+            bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
-        tensions = resting_tensions(body.points, body.springs, weights, borne)
-        return cls(body, observation, matter, tensions)
+        rest = resting(body.points, body.springs, weights, bearing)
+        return cls(body, observation, matter, rest, controls)
 
     @property
     def quantities(self) -> dict[str, Quantity]:
@@ -104,12 +139,14 @@ class PlainTwin:
         usual = start["stiffness"]
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, 300.0 * usual), usual, log=True),
-            "damping": _reaching("1", (1e-4, 1.0), start["damping"], log=True),
+            "damping": _reaching("1", (1e-4, 0.4), start["damping"], log=True),
             "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], log=True),
             "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
         }
         if len(self.body.grip):
             own["grip"] = _reaching("1", (0.05, 50.0), start["grip"], log=True)
+            if self.matter.grip_distance is not None:
+                own["reach"] = Quantity("1", (0.2, 1.2), start["reach"])
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         for mode in range(0 if self.body.shape == "rope" else MODES):
@@ -121,7 +158,7 @@ class PlainTwin:
         body, seen, matter = self.body, self.observation, self.matter
         length = torch.from_numpy(matter.length)
         stiffness = values["stiffness"] * torch.from_numpy(matter.pattern) * self._gradient(values)
-        tensions = torch.from_numpy(self.tensions)
+        tensions = torch.from_numpy(self.rest.tensions)
         rest = torch.maximum(length - values["prestress"] * tensions / stiffness, SHORTEST * length)
         typical = 2.0 * torch.sqrt(values["stiffness"] * float(np.median(matter.mass)))
         held = len(body.grip) > 0
@@ -133,10 +170,8 @@ class PlainTwin:
             stiffness=stiffness,
             controller_springs=body.grip if held else None,
             controller_rest_length=matter.grip_length if held else None,
-            controller_stiffness=values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
-            if held
-            else None,
-            controller_points=seen.controllers[0] if held else None,
+            controller_stiffness=self._grip(values) if held else None,
+            controller_points=self.controls[0] if held else None,
             dashpot_damping=values["damping"] * typical,
             drag_rate=values["drag_rate"],
             friction=values.get("friction", 0.0),
@@ -147,9 +182,33 @@ class PlainTwin:
             dtype=dtype,
         )
         sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype))
-        controls = torch.from_numpy(seen.controllers).to(dtype) if held else None
+        controls = self._controls(values, dtype) if held else None
         world = World(simulator, sight, seen.times, controls, seen.ground_height)
+        if matter.grip_distance is not None:
+            bending = slight_bending(body, float(matter.mass.sum() * np.linalg.norm(seen.gravity)))
+            world = world if bending is None else world.with_force(bending)
         return carrying(world, self.carried) if self.carried else world
+
+    def _grip(self, values: Values) -> Float[Tensor, "*b S"]:
+        """Stiffness of the springs of the hand [N/m]: full where it is, fading with distance."""
+        matter = self.matter
+        stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
+        if matter.grip_distance is None:
+            return stiffness
+        return stiffness * matter.fading(values["reach"] * self.body.spacing)
+
+    def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
+        """Where the springs of the hand end: beyond what they hold, by as much as bears it in the first frame."""
+        controls = torch.from_numpy(self.controls).to(dtype)
+        if self.matter.grip_distance is None:
+            return controls
+        load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
+        beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load
+        far = FARTHEST * self.body.spacing
+        beyond = (far * torch.tanh(beyond / far)).to(dtype)
+        if beyond.ndim == 2:
+            return controls + beyond
+        return controls.unsqueeze(1) + beyond
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""
@@ -164,6 +223,19 @@ class PlainTwin:
                     along / np.abs(along).max()
                 )
         return torch.exp(exponent)
+
+
+def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
+    """Points that a hand may hold: those near its controllers, and a few more so that it holds them upright."""
+    if not len(body.grip):
+        return np.zeros(0, np.int64)
+    places = observation.controllers[0].astype(np.float64)
+    places = places[np.unique(body.grip[:, 0])]
+    tree = cKDTree(body.points)
+    few = min(UPRIGHT[body.shape], len(body.points))
+    held = {int(i) for near in tree.query_ball_point(places, 1.5 * body.spacing) for i in near}
+    held |= {int(i) for i in tree.query(places, k=few)[1].ravel()}
+    return np.array(sorted(held), np.int64)
 
 
 def _reaching(unit: str, bounds: tuple[float, float], start: float, log: bool) -> Quantity:

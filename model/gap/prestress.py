@@ -1,7 +1,9 @@
 """The tensions with which a body is at rest under its weight."""
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Float64, Int64
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import lsqr
 
@@ -9,15 +11,27 @@ from model.types import Array
 
 RELUCTANCE = 0.02
 """How strongly small tensions are preferred, against an exact balance."""
+FIRMER = 5.0
+"""A hand or the ground gives way by so much less than a spring."""
 
 
-def resting_tensions(
+@dataclass(frozen=True)
+class Rest:
+    """What keeps a body in its place."""
+
+    tensions: Float64[Array, " E"]
+    """Of each spring [N]."""
+    supports: Float64[Array, "P 3"]
+    """What a hand or the ground does to each point [N]."""
+
+
+def resting(
     points: Float64[Array, "P 3"],
     springs: Int64[Array, "E 2"],
     weights: Float64[Array, "P 3"],
-    borne: Bool[Array, " P"],
-) -> Float64[Array, " E"]:
-    """Tension of each spring [N] with which every point that nothing else bears is in balance.
+    bearing: Float64[Array, " P"],
+) -> Rest:
+    """The tensions, and the forces of what bears it, with which every point of a body is in balance.
 
     A least-squares solution, the smallest of those that balance: a body is seldom at ease in the shape in
     which it is first seen. It depends on the shape and the weight alone, not on any stiffness: a spring of
@@ -27,18 +41,23 @@ def resting_tensions(
         points: Where the body is at rest [m].
         springs: Pairs of points.
         weights: External force on each point [N].
-        borne: Points that a hand or the ground bears; their balance is not asked for.
+        bearing: How firmly a hand or the ground bears each point, 0..1: of two that are borne, the firmer one
+            takes more.
     """
-    if not len(springs):
-        return np.zeros(0)
     way = points[springs[:, 1]] - points[springs[:, 0]]
     axis = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
     edge = np.arange(len(springs))
     rows = np.concatenate([3 * springs[:, end, None] + np.arange(3) for end in (0, 1)]).ravel()
     columns = np.tile(np.repeat(edge, 3), 2)
     entries = np.concatenate([axis, -axis]).ravel()
-    asked = np.repeat(~borne, 3)
-    balance = coo_matrix((entries * asked[rows], (rows, columns)), shape=(3 * len(points), len(springs)))
-    load = -(weights.ravel() * asked)
-    tensions: Float64[Array, " E"] = lsqr(balance.tocsr(), load, damp=RELUCTANCE, iter_lim=400)[0]
-    return tensions
+    held = np.flatnonzero(bearing > 0)
+    firm = FIRMER * bearing[held]
+    rows = np.concatenate([rows, (3 * held[:, None] + np.arange(3)).ravel()])
+    columns = np.concatenate([columns, len(springs) + np.arange(3 * len(held))])
+    entries = np.concatenate([entries, np.repeat(firm, 3)])
+    shape = 3 * len(points), len(springs) + 3 * len(held)
+    balance = coo_matrix((entries, (rows, columns)), shape=shape)
+    found = lsqr(balance.tocsr(), -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
+    supports = np.zeros((len(points), 3))
+    supports[held] = found[len(springs) :].reshape(-1, 3) * firm[:, None]
+    return Rest(found[: len(springs)], supports)

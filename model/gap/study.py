@@ -12,13 +12,13 @@ from model.gap.observer import Observer, noise_of
 from model.gap.plain import PlainTwin
 from model.types import Array, Observation
 
-PATIENCE = 0.3
+PATIENCE = 0.15
 """Of the observer [s]: long enough to see forces through the noise, short enough to forget."""
 HELD_OUT = 0.3
 """Share of the time, at its end, that no fit sees."""
 LEAST_NOISE = 3e-4
 """Innovations are weighed by no less [m]: twins are not exact to the last digit of a good sensor."""
-STEPS = 6
+STEPS = 4
 """Gauss-Newton steps for each horizon; every fit of a diagnosis gets as many."""
 SPREAD = (-4.0, -2.0, 0.0, 2.0, 4.0)
 """Starts of a fit: the stiffness, by so many powers of e."""

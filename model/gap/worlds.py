@@ -8,17 +8,28 @@ from jaxtyping import Float64
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.body import body_of
+from model.gap.bodies.body import Body, body_of
 from model.gap.bodies.guess import Shape
 from model.gap.bodies.neighbours import farthest_points
 from model.gap.effects import ALL_EFFECTS
 from model.gap.effects.base import Effect
+from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
+from model.gap.study import PATIENCE
+from model.gap.world import World
 from model.simulator.divergence import SimulationDiverged
+from model.simulator.system import State
 from model.types import Array, Observation
 
 POINTS, FRAMES, FPS = 180, 136, 30.0
 """What is seen of a world."""
+SETTLING = 20
+"""Frames between stops, of an object that comes to rest."""
+RESTING = {"prestress": 1.0}
+TRIES = 5
+"""Sizes of an effect that are tried."""
+INNOVATION_NOISE = 0.002
+"""Of a usual recording [m]."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +41,25 @@ class Made:
     shape: Shape
     amplitude: float
     """Mean distance between motion with and without the effects [m]."""
+    ratio: float
+    """Innovations by the effects over those by noise and another lattice."""
 
 
 def make_world(seed: int, effects: tuple[type[Effect], ...] = ()) -> Made | None:
     """A random object, handled at random, with these effects; None where they cannot act or it diverges.
 
-    The lattice, the parameters, the noise and what is hidden are random too.
+    The lattice, the parameters, how large the effects are, the noise and what is hidden are random too. The
+    object starts at rest, hanging or lying as it does in the hands that hold it, or as it was placed.
     """
     rng = np.random.default_rng(seed)
+    try:
+        with torch.no_grad():
+            return _made(rng, effects)
+    except SimulationDiverged:
+        return None
+
+
+def _made(rng: np.random.Generator, effects: tuple[type[Effect], ...]) -> Made | None:
     shape: Shape = rng.choice(["rope", "sheet", "solid"])
     surface = _surface(shape, rng)
     hands, ground = _handled(surface, shape, rng)
@@ -47,30 +69,113 @@ def make_world(seed: int, effects: tuple[type[Effect], ...] = ()) -> Made | None
         controllers=hands.astype(np.float32),
         ground_height=ground,
     )
-    twin = PlainTwin.of(body_of(still, shape, scale=rng.uniform(0.7, 0.9)), still)
+    fine = rng.uniform(0.7, 0.9) if rng.random() < 0.7 else rng.uniform(1.1, 1.25)
+    twin = PlainTwin.of(_thinned(body_of(still, shape, scale=fine), rng), still)
     values = {
         name: _drawn(name, quantity.bounds, quantity.start, rng) for name, quantity in twin.quantities.items()
     }
+    settled = bool(rng.random() < 0.6)
+    values["prestress"] = rng.uniform(0.0, 0.3) if settled else rng.uniform(0.85, 1.1)
     plain = twin.world({name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()})
-    world = plain
+    start = _settled(plain) if settled else None
+    base = plain.sight(plain.rollout(start).points).double().numpy()
+    true, ratio = base, 0.0
+    if effects:
+        found = _enlarged(plain, start, base, effects, still, shape, values, rng)
+        if found is None:
+            return None
+        true, ratio = found
+    gap = float(np.linalg.norm(true - base, axis=-1).mean())
+    seen = _seen(replace(still, points=true.astype(np.float32)), rng)
+    return Made(seen, tuple(kind.name for kind in effects), shape, gap, ratio)
+
+
+def _thinned(body: Body, rng: np.random.Generator) -> Body:
+    """Without some of its springs, so that no other lattice is quite like it."""
+    if body.shape == "rope":
+        return body
+    kept = rng.random(len(body.springs)) > rng.uniform(0.0, 0.15)
+    ends = np.bincount(body.springs[kept].ravel(), minlength=len(body.points))
+    poor = (ends < 6)[body.springs].any(1)
+    return replace(body, springs=body.springs[kept | poor])
+
+
+def _settled(world: World) -> State:
+    """At rest in the hands or on the ground."""
+    controls = None if world.controls is None else world.controls[:1].expand(SETTLING, -1, -1)
+    still = replace(world, times=np.arange(SETTLING) / FPS, controls=controls)
+    state = None
+    for _ in range(8):  # stopped now and then, it comes to rest soon
+        last = still.rollout(state)
+        state = State(last.points[-1], torch.zeros_like(last.points[-1]), {})
+    return state
+
+
+def _enlarged(
+    plain: World,
+    start: State | None,
+    base: Float64[Array, "T N 3"],
+    effects: tuple[type[Effect], ...],
+    still: Observation,
+    shape: Shape,
+    values: dict[str, float],
+    rng: np.random.Generator,
+) -> tuple[Float64[Array, "T N 3"], float] | None:
+    """Effects of a size that can be seen: a drawn multiple of what another lattice changes.
+
+    The multiple is of innovations under an observer, so that what is chaotic does not count.
+    """
+    target = float(np.exp(rng.uniform(np.log(0.8), np.log(8.0))))
+    seen = replace(still, points=base.astype(np.float32))
+    other = PlainTwin.of(body_of(replace(still, points=base.astype(np.float32)), shape), seen)
+    twin = other.world({n: torch.tensor(v, dtype=torch.float64) for n, v in (values | RESTING).items()})
+    hidden = float(np.hypot(_innovation(twin, seen), INNOVATION_NOISE))
+    drawn = []
     for kind in effects:
         effect = kind()
-        if effect.unable(world):
+        if effect.unable(plain):
             return None
-        drawn = {
-            name: torch.tensor(_drawn(name, q.bounds, q.start, rng), dtype=torch.float64)
-            for name, q in effect.quantities.items()
-        }
-        world = effect.apply(world, drawn)
-    try:
-        with torch.no_grad():
-            true = world.sight(world.rollout().points).double().numpy()
-            without = plain.sight(plain.rollout().points).double().numpy()
-    except SimulationDiverged:
+        drawn.append((effect, {n: _drawn(n, q.bounds, q.start, rng) for n, q in effect.quantities.items()}))
+    size = 1.0
+    best: tuple[float, Float64[Array, "T N 3"], float] | None = None
+    for _ in range(TRIES):
+        world = plain
+        for effect, values_ in drawn:
+            scaled = {
+                n: torch.tensor(_scaled(effect, n, v, size), dtype=torch.float64) for n, v in values_.items()
+            }
+            world = effect.apply(world, scaled)
+        try:
+            true = world.sight(world.rollout(start).points).double().numpy()
+            moved = _innovation(plain, replace(still, points=true.astype(np.float32)), start)
+        except SimulationDiverged:
+            size *= 0.3
+            continue
+        ratio = moved / hidden
+        off = abs(np.log(max(ratio, 1e-6) / target))
+        if best is None or off < best[0]:
+            best = off, true, ratio
+        if off < 0.3:
+            break
+        size *= float(np.clip(target / max(ratio, 1e-6), 0.05, 20.0))
+    if best is None or best[2] < 0.4:
         return None
-    gap = float(np.linalg.norm(true - without, axis=-1).mean())
-    seen = _seen(replace(still, points=true.astype(np.float32)), rng)
-    return Made(seen, tuple(kind.name for kind in effects), shape, gap)
+    return best[1], best[2]
+
+
+def _scaled(effect: Effect, name: str, value: float, size: float) -> float:
+    """A quantity of the effect made larger, within bounds."""
+    if name not in effect.absent:
+        return value
+    low, high = effect.quantities[name].bounds
+    return float(np.clip(value * size, low, high))
+
+
+def _innovation(world: World, seen: Observation, start: State | None = None) -> float:
+    """Root mean square of what an observer has to correct [m]."""
+    observer = Observer(seen, world, PATIENCE)
+    error = observer.lead(world, start).predicted - observer.places
+    return float(error.square().mean().sqrt())
 
 
 def random_effects(rng: np.random.Generator) -> tuple[type[Effect], ...]:
@@ -134,28 +239,49 @@ def _jittered(width: float, height: float, rng: np.random.Generator) -> tuple[Ar
 def _handled(
     places: Float64[Array, "N 3"], shape: Shape, rng: np.random.Generator
 ) -> tuple[Float64[Array, "T C 3"], float | None]:
-    """What one or two hands do, and how high the ground is."""
+    """What one or two hands do, and how high the ground is.
+
+    Two hands move together, and a little against each other: nobody wrings an object beyond recognition.
+    """
     times = np.arange(FRAMES) / FPS
     count = int(rng.integers(1, 3))
     axis = np.linalg.svd(places - places.mean(0), full_matrices=False)[2][0]
     along = (places - places.mean(0)) @ axis
     ends = [places[along.argmax()], places[along.argmin()]][:count]
+    common = _wandering(times, rng.uniform(0.03, 0.15), rng)
+    if rng.random() < 0.4:
+        direction = axis if rng.random() < 0.5 else rng.normal(size=3) / 1.7
+        shaken = np.sin(2 * np.pi * rng.uniform(1, 3) * times) * np.clip(times / 0.3, 0, 1)
+        common += rng.uniform(0.01, 0.05) * shaken[:, None] * direction
+    apart = float(np.ptp(along))
     hands = []
-    for place in ends:
+    for side, place in zip((1.0, -1.0), ends, strict=False):
         near = places[np.argsort(np.linalg.norm(places - place, axis=1))[: int(rng.integers(4, 9))]]
-        knots = np.linspace(0, times[-1], int(rng.integers(4, 8)))
-        still = rng.random(len(knots)) < 0.3
-        steps = np.where(still[:, None], 0.0, rng.normal(0, 1, (len(knots), 3)) * rng.uniform(0.03, 0.15))
-        steps[0] = 0.0
-        moved = CubicSpline(knots, steps.cumsum(0), bc_type="clamped")(times)
-        if rng.random() < 0.4:
-            moved += rng.uniform(0.01, 0.05) * np.sin(2 * np.pi * rng.uniform(1, 3) * times)[:, None] * axis
-        moved *= np.clip(times / 0.3, 0, 1)[:, None]
-        hands.append(near[None] + moved[:, None])
+        own = common.copy()
+        if count == 2:
+            slack = {"rope": 0.3, "sheet": 0.25, "solid": 0.06}[shape]
+            inward = _wandering(times, 1.0, rng)[:, 0]
+            inward = np.clip(inward / max(1.0, np.abs(inward).max()), -0.3, 1.0)
+            own += -side * 0.5 * slack * apart * inward[:, None] * axis
+            own += 0.3 * slack * apart * _wandering(times, 0.2, rng)
+        turn = Rotation.from_rotvec(_wandering(times, rng.uniform(0.0, 0.25), rng))
+        middle = near.mean(0)
+        carried = np.stack([turn[t].apply(near - middle) for t in range(FRAMES)])
+        hands.append(middle + carried + own[:, None])
     resting = rng.random() < 0.5
     low = float(places[:, 2].min())
     ground = low - 0.002 if resting else (low - 0.3 if rng.random() < 0.5 else None)
     return np.concatenate(hands, 1), ground
+
+
+def _wandering(times: Float64[Array, " T"], size: float, rng: np.random.Generator) -> Float64[Array, "T 3"]:
+    """A smooth path from zero that rests now and then; steps of about `size`."""
+    knots = np.linspace(0, times[-1], int(rng.integers(4, 8)))
+    still = rng.random(len(knots)) < 0.3
+    steps = np.where(still[:, None], 0.0, rng.normal(0, size, (len(knots), 3)))
+    steps[0] = 0.0
+    path: Float64[Array, "T 3"] = CubicSpline(knots, steps.cumsum(0), bc_type="clamped")(times)
+    return path
 
 
 def _seen(true: Observation, rng: np.random.Generator) -> Observation:

@@ -14,8 +14,10 @@ from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
 from model.types import Array, Observation
 
-CORNERS = 4
+CORNERS = 6
 """An observed point is between this many mass points."""
+SOFT = 0.01
+"""How far weights give way that would have to be large."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +134,14 @@ def _between(
     asked = np.where(np.isfinite(seen), seen, points[0])
     distance, index = cKDTree(points).query(asked, k=count)
     closeness = 1.0 / (distance + 1e-6 * (1.0 + distance.max())) ** 2
-    return index.astype(np.int64), closeness / closeness.sum(1, keepdims=True)
+    closeness /= closeness.sum(1, keepdims=True)
+    # of all weights that put it exactly where it is, those nearest to closeness: they follow any affine motion
+    way = points[index] - asked[:, None]
+    size = np.sqrt((way**2).sum(-1).mean(1))[:, None, None]
+    rows = np.concatenate([np.ones((*index.shape, 1)), way / np.maximum(size, 1e-12)], -1).swapaxes(1, 2)
+    square = rows * closeness[:, None] @ rows.swapaxes(1, 2) + SOFT * np.eye(4)
+    weight = closeness * (rows.swapaxes(1, 2) @ np.linalg.inv(square)[:, :, :1])[..., 0]
+    return index.astype(np.int64), weight / weight.sum(1, keepdims=True)
 
 
 def _shares(points: Float64[Array, "P 3"], shape: Shape) -> Float64[Array, " P"]:

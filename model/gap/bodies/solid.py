@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from model.gap.bodies.neighbours import farthest_points, pairs_within, usual_distance
 from model.types import Array
 
-SOLID_POINTS = 160
+SOLID_POINTS = 110
 """Inside a solid, about."""
 SIGHT = np.cos(np.deg2rad(40.0))
 """A direction meets a surface that is within 40° of it."""

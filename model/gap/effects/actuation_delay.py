@@ -48,11 +48,18 @@ class ActuationDelay(Effect):
 
 
 def _shifted(
-    controls: Float[Tensor, "T C 3"], times: Float[Tensor, " T"], delay: Tensor
+    controls: Float[Tensor, "T *b C 3"], times: Float[Tensor, " T"], delay: Tensor
 ) -> Float[Tensor, "T *b C 3"]:
     """Where the controllers were `delay` [s] before; scalar, or [b, 1] for b delays at once."""
     asked = (times.to(delay) - delay).clamp(float(times[0]), float(times[-1])).movedim(-1, 0).contiguous()
     after = torch.searchsorted(times, asked.detach().to(times), right=True).clamp(1, len(times) - 1)
     begin, end = times[after - 1].to(delay), times[after].to(delay)
-    share = ((asked - begin) / (end - begin)).to(controls)[..., None, None]
-    return controls[after - 1] + share * (controls[after] - controls[after - 1])
+    share = ((asked - begin) / (end - begin)).to(controls)
+    if controls.ndim == 3:
+        earlier, later = controls[after - 1], controls[after]
+    else:  # many worlds, each with a hand of its own
+        after = after.reshape(len(times), -1).expand(-1, controls.shape[1])
+        share = share.reshape(len(times), -1).expand_as(after)
+        each = torch.arange(controls.shape[1])
+        earlier, later = controls[after - 1, each], controls[after, each]
+    return earlier + share[..., None, None] * (later - earlier)

@@ -73,7 +73,7 @@ class Anisotropy(Effect):
         "elevation": Quantity("rad", (-1.6, 1.6), 0.1),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
-    grid: ClassVar[Grid] = {"azimuth": (0.0, 0.79, 1.57, 2.36), "elevation": (0.0, 0.79, 1.57)}
+    grid: ClassVar[Grid] = {"azimuth": (0.0, 1.05, 2.09), "elevation": (0.0, 0.9)}
     terms = (FibreSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "strain_stiffening": "stretch along two axes",

@@ -24,7 +24,7 @@ class BendingStiffness(Effect):
     }
     absent: ClassVar[Mapping[str, float]] = {"bending_stiffness": 0.0}
     grid: ClassVar[Grid] = {
-        "bending_stiffness": (1e-6, 1e-5, 1e-4, 1e-3, 1e-2),
+        "bending_stiffness": (1e-6, 1e-4, 1e-2),
         "memory_of_shape": (0.0, 1.0),
     }
     terms = (Bending,)

@@ -21,7 +21,7 @@ class GravityTilt(Effect):
         "about_y": Quantity("rad", (-0.5, 0.5), 0.02),
     }
     absent: ClassVar[Mapping[str, float]] = {"about_x": 0.0, "about_y": 0.0}
-    grid: ClassVar[Grid] = {"about_x": (-0.05, 0.0, 0.05), "about_y": (-0.05, 0.0, 0.05)}
+    grid: ClassVar[Grid] = {"about_x": (-0.03, 0.03), "about_y": (-0.03, 0.03)}
     terms = (Gravity,)
     confused_with: ClassVar[Mapping[str, str]] = {"wind": "turn the set-up about the vertical"}
 

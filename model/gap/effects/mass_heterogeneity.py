@@ -29,7 +29,7 @@ class MassHeterogeneity(Effect):
         "radius": Quantity("1", (0.05, 0.5), 0.25, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
-    grid: ClassVar[Grid] = {"x": (0.1, 0.5, 0.9), "y": (0.1, 0.5, 0.9), "z": (0.1, 0.5, 0.9)}
+    grid: ClassVar[Grid] = {"x": (0.15, 0.85), "y": (0.15, 0.85), "z": (0.15, 0.85)}
     confused_with: ClassVar[Mapping[str, str]] = {
         "wind": "shake it",
         "gravity_tilt": "shake it",

@@ -81,7 +81,7 @@ class Plasticity(Effect):
         "yield_strain": Quantity("1", (0.001, 0.5), 0.03, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0}
-    grid: ClassVar[Grid] = {"flow_rate": (3.0, 30.0), "yield_strain": (0.003, 0.015, 0.06)}
+    grid: ClassVar[Grid] = {"flow_rate": (3.0, 30.0), "yield_strain": (0.005, 0.04)}
     terms = (PlasticSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "viscoelasticity": "let go, and wait long enough for it to come back",

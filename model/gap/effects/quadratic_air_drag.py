@@ -56,7 +56,7 @@ class QuadraticAirDrag(Effect):
         "drag_per_mass": Quantity("1/m", (0.005, 30.0), 0.5, log=True)
     }
     absent: ClassVar[Mapping[str, float]] = {"drag_per_mass": 0.0}
-    grid: ClassVar[Grid] = {"drag_per_mass": (0.1, 0.5, 2.5)}
+    grid: ClassVar[Grid] = {"drag_per_mass": (0.2, 1.5)}
     terms = (AirDrag,)
     confused_with: ClassVar[Mapping[str, str]] = {"wind": "hold it still for a second"}
 

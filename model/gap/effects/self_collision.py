@@ -22,14 +22,13 @@ class SelfContact(Effect):
     }
     absent: ClassVar[Mapping[str, float]] = {"distance": 0.0}
     grid: ClassVar[Grid] = {"distance": (0.5, 0.9)}
-    together = False
     terms = (SelfCollision,)
     confused_with: ClassVar[Mapping[str, str]] = {"tension_only": "fold it so that its sides touch"}
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Let points collide; the distance is a choice, and has no gradient."""
-        distance = float(values["distance"].detach()) * world.spacing
-        if distance <= 0:
+        distance = values["distance"].detach() * world.spacing
+        if not bool((distance > 0).any()):
             return world
         return world.with_contact(
             SelfCollision(world.system, distance, torch.tensor(0.0), values["friction"])

@@ -22,7 +22,7 @@ class VolumePreservation(Effect):
         "bulk_modulus": Quantity("N/m²", (1.0, 1e7), 1e4, log=True)
     }
     absent: ClassVar[Mapping[str, float]] = {"bulk_modulus": 0.0}
-    grid: ClassVar[Grid] = {"bulk_modulus": (1e2, 1e3, 1e4, 1e5)}
+    grid: ClassVar[Grid] = {"bulk_modulus": (1e2, 3e3, 1e5)}
     terms = (Volume,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "anisotropy": "squeeze it between two fingers",

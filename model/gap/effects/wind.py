@@ -70,7 +70,7 @@ class SteadyWind(Effect):
         "y": Quantity("m/s", (-8.0, 8.0), 0.5),
     }
     absent: ClassVar[Mapping[str, float]] = {"drag_per_mass": 0.0}
-    grid: ClassVar[Grid] = {"x": (-1.5, 0.0, 1.5), "y": (-1.5, 0.0, 1.5)}
+    grid: ClassVar[Grid] = {"x": (-1.0, 1.0), "y": (-1.0, 1.0)}
     terms = (Wind,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "gravity_tilt": "turn the set-up about the vertical, or move fast with and against it",

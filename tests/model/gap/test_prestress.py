@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.gap.prestress import resting_tensions
+from model.gap.prestress import resting
 
 
 def test_a_hanging_chain_bears_what_is_below():
@@ -10,7 +10,7 @@ def test_a_hanging_chain_bears_what_is_below():
     springs = np.stack([np.arange(5), np.arange(1, 6)], -1)
     weights = np.tile([0.0, 0.0, -2.0], (6, 1))
     borne = np.arange(6) == 0
-    tensions = resting_tensions(points, springs, weights, borne)
+    tensions = resting(points, springs, weights, borne.astype(float)).tensions
     np.testing.assert_allclose(tensions, 2.0 * np.array([5, 4, 3, 2, 1]), rtol=0.02)
 
 
@@ -20,10 +20,21 @@ def test_balances_every_point_that_nothing_bears():
     springs = np.argwhere(np.triu(np.ones((30, 30)), 1))
     weights = np.tile([0.0, 0.0, -1.0], (30, 1))
     borne = np.arange(30) < 3
-    tensions = resting_tensions(points, springs, weights, borne)
+    rest = resting(points, springs, weights, borne.astype(float))
+    tensions = rest.tensions
     way = points[springs[:, 1]] - points[springs[:, 0]]
     pull = tensions[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
     force = weights.copy()
     np.add.at(force, springs[:, 0], pull)
     np.add.at(force, springs[:, 1], -pull)
     assert np.abs(force[~borne]).max() < 0.02
+    assert not rest.supports[~borne].any()
+    assert np.abs((force + rest.supports)[borne]).max() < 0.02
+
+
+def test_the_firmer_of_two_hands_bears_more():
+    points = np.stack([0.1 * np.arange(3), np.zeros(3), np.zeros(3)], -1)
+    weights = np.tile([0.0, 0.0, -1.0], (3, 1))
+    springs = np.array([[0, 1], [1, 2]])
+    rest = resting(points + [[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]], springs, weights, np.array([1.0, 0.0, 0.3]))
+    assert rest.supports[0, 2] > rest.supports[2, 2] > 0.0

@@ -1,0 +1,68 @@
+"""What a hand does to the points that it holds: they go with it as if they were part of it."""
+
+import numpy as np
+from jaxtyping import Float, Float64, Int64
+from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from model.types import Array
+
+FLAT = 0.05
+"""Controllers whose spread across their longest direction is less than this share of it do not tell a turn."""
+OTHERS = 4
+"""Controllers that a held point goes with where the hand itself changes shape."""
+
+
+def held_places(
+    controllers: Float[Array, "T C 3"], points: Float64[Array, "H 3"], apart: float
+) -> Float64[Array, "T H 3"]:
+    """Where a hand carries the points that it holds.
+
+    Controllers that start near each other are a hand. A hand moves as a rigid body, by the turn and shift
+    that fit its controllers best; what it does besides is taken on by nearness.
+
+    Args:
+        controllers: Where the controllers are [m].
+        points: Held points in the first frame [m].
+        apart: Controllers farther than this from all others of a hand belong to another [m].
+
+    Returns:
+        The places of the points in all frames, those of the first as given.
+
+    Reference:
+        Kabsch (1976), A solution for the best rotation to relate two sets of vectors, Acta
+        Crystallographica A 32.
+    """
+    places = controllers.astype(np.float64)
+    hands = _hands(places[0], apart)
+    nearest = hands[cKDTree(places[0]).query(points)[1]]
+    carried = np.zeros((len(places), *points.shape))
+    for hand in np.unique(nearest):
+        own, mine = places[:, hands == hand], nearest == hand
+        carried[:, mine] = _carried(own, points[mine])
+    return carried
+
+
+def _hands(places: Float64[Array, "C 3"], apart: float) -> Int64[Array, " C"]:
+    if len(places) < 2:
+        return np.zeros(len(places), np.int64)
+    labels: Int64[Array, " C"] = fcluster(linkage(places, "single"), apart, "distance").astype(np.int64)
+    return labels
+
+
+def _carried(hand: Float64[Array, "T c 3"], points: Float64[Array, "h 3"]) -> Float64[Array, "T h 3"]:
+    middle = hand.mean(1)
+    first = hand[0] - middle[0]
+    spread = np.linalg.svd(first, compute_uv=False)
+    turns = len(first) >= 3 and spread[1] > FLAT * spread[0] > 0
+    distance, near = cKDTree(hand[0]).query(points, k=min(OTHERS, len(first)))
+    distance, near = distance.reshape(len(points), -1), near.reshape(len(points), -1)
+    weight = 1.0 / (distance + 1e-9 + 0.1 * distance.max()) ** 2
+    weight /= weight.sum(1, keepdims=True)
+    carried = np.zeros((len(hand), *points.shape))
+    for t, now in enumerate(hand):
+        turn = Rotation.align_vectors(now - middle[t], first)[0] if turns else Rotation.identity()
+        rest = now - middle[t] - turn.apply(first)
+        carried[t] = middle[t] + turn.apply(points - middle[0]) + (weight[..., None] * rest[near]).sum(1)
+    return carried
