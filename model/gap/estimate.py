@@ -172,7 +172,9 @@ class Estimate:
         return float(np.mean(self.residuals**2))
 
 
-def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estimate:
+def estimate(
+    misfit: Misfit, starts: Float64[Array, "s d"], steps: int, shortest: int = FIRST_HORIZON
+) -> Estimate:
     """The best of several starts, followed to its minimum over a growing horizon.
 
     Soft bodies that swing are nearly chaotic: over a long horizon the misfit is rough and its valleys narrow.
@@ -182,10 +184,11 @@ def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estim
         misfit: What is to be small.
         starts: Where to begin; all are looked at, the best is followed.
         steps: Gauss-Newton steps at most for each horizon; each costs one rollout per coordinate, and one.
+        shortest: Frames of the first horizon; who starts near the minimum needs no short ones.
     """
     spent = 0
     vector = found = None
-    for last in _horizons(misfit.span):
+    for last in _horizons(misfit.span, shortest):
         part = misfit.until(last)
         low, high = part.coordinates.bounds
         if vector is None:
@@ -208,11 +211,10 @@ def estimate(misfit: Misfit, starts: Float64[Array, "s d"], steps: int) -> Estim
     )
 
 
-def _horizons(span: Span) -> list[int]:
+def _horizons(span: Span, frames: int) -> list[int]:
     """Last frames, each twice as far as the one before."""
     whole = span.last - span.first
     horizons = []
-    frames = FIRST_HORIZON
     while frames < 0.75 * whole:
         horizons.append(span.first + frames)
         frames *= 2
