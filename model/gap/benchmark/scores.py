@@ -12,12 +12,16 @@ Reference:
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from model.types import Array
 
+Weights: TypeAlias = Float[Array, "resamples n"]
+"""How often each of n worlds is drawn."""
+Values: TypeAlias = Float[Array, " resamples"]
 Z = 1.959964
 """Of a normal variable, 95 % two-sided."""
 RESAMPLES = 2000
@@ -46,72 +50,63 @@ def proportion(right: Sequence[bool]) -> Score:
     return Score(p, min(max(middle - half, 0.0), p), max(min(middle + half, 1.0), p), n)
 
 
-def bootstrapped(statistic: Callable[[Int[Array, " n"]], float], count: int) -> Score:
+def bootstrapped(statistic: Callable[[Weights], Values], count: int) -> Score:
     """A statistic of worlds with its percentile interval.
 
     Args:
-        statistic: Of the indices of worlds that were drawn; NaN where it is not defined.
+        statistic: Of how often each world is drawn, once for each resample; NaN where it is not defined.
         count: How many worlds there are.
     """
     if count == 0:
         return Score()
-    value = statistic(np.arange(count))
+    value = float(statistic(np.ones((1, count)))[0])
     if np.isnan(value):
         return Score()
     rng = np.random.default_rng(0)
-    drawn = np.array([statistic(rng.integers(count, size=count)) for _ in range(RESAMPLES)])
+    drawn = statistic(rng.multinomial(count, np.full(count, 1 / count), RESAMPLES).astype(float))
     low, high = np.nanpercentile(drawn, [2.5, 97.5])
-    return Score(float(value), float(low), float(high), count)
+    return Score(value, float(low), float(high), count)
 
 
 def mean(values: Sequence[float]) -> Score:
-    """The mean over worlds."""
+    """The mean over worlds, without those where the value is NaN."""
     known = np.array([value for value in values if not np.isnan(value)], float)
-    return bootstrapped(lambda chosen: float(known[chosen].mean()), len(known))
+    return bootstrapped(lambda weights: weights @ known / len(known), len(known))
 
 
 def confusion(
     truth: Sequence[str], answers: Sequence[str], classes: Sequence[str]
 ) -> Int[Array, "truth answers"]:
     """Counts by true class (rows) and answer (columns)."""
-    return _counted(_indices(truth, classes), _indices(answers, classes), len(classes))
+    counts: Int[Array, "truth answers"] = np.zeros((len(classes), len(classes)), int)
+    np.add.at(counts, (_indices(truth, classes), _indices(answers, classes)), 1)
+    return counts
+
+
+def macro_f1(truth: Sequence[str], answers: Sequence[str]) -> Score:
+    """F1 = 2 TP / (2 TP + FP + FN) of each class that occurs in truth, averaged over those."""
+    classes = sorted({*truth, *answers})
+    true, said = (np.eye(len(classes))[_indices(names, classes)] for names in (truth, answers))
+
+    def averaged(weights: Weights) -> Values:
+        there, hit = weights @ true, weights @ (true * said)
+        either = np.maximum(there + weights @ said, 1.0)
+        occurring = (there > 0).sum(axis=1)
+        total: Values = np.where(there > 0, 2 * hit / either, 0.0).sum(axis=1) / occurring
+        return total
+
+    return bootstrapped(averaged, len(truth))
 
 
 def _indices(names: Sequence[str], classes: Sequence[str]) -> Int[Array, " n"]:
     return np.array([classes.index(name) for name in names], int)
 
 
-def _counted(truth: Int[Array, " n"], answers: Int[Array, " n"], size: int) -> Int[Array, "k k"]:
-    counts = np.zeros((size, size), int)
-    np.add.at(counts, (truth, answers), 1)
-    return counts
-
-
-def f1_of(counts: Int[Array, "k k"]) -> float:
-    """Mean over the classes that occur of 2 TP / (2 TP + FP + FN); NaN where none does."""
-    occurs = counts.sum(axis=1) > 0
-    hit = np.diag(counts)
-    either = counts.sum(axis=1) + counts.sum(axis=0)
-    return float((2 * hit[occurs] / either[occurs]).mean()) if occurs.any() else float("nan")
-
-
-def macro_f1(truth: Sequence[str], answers: Sequence[str]) -> Score:
-    """F1 of each class that occurs in truth, averaged over classes."""
-    classes = sorted({*truth, *answers})
-    true, said = _indices(truth, classes), _indices(answers, classes)
-    return bootstrapped(lambda chosen: f1_of(_counted(true[chosen], said[chosen], len(classes))), len(truth))
-
-
 def calibration_error(confidence: Sequence[float], right: Sequence[bool]) -> Score:
     """Expected calibration error of the probability of the answer."""
     p, hit = np.array(confidence, float), np.array(right, float)
-    return bootstrapped(lambda chosen: _error_of(p[chosen], hit[chosen]), len(p))
-
-
-def _error_of(confidence: Float[Array, " n"], right: Float[Array, " n"]) -> float:
-    bins = bin_of(confidence)
-    apart = np.bincount(bins, confidence - right, BINS)
-    return float(np.abs(apart).sum() / len(confidence))
+    apart = np.eye(BINS)[bin_of(p)] * (p - hit)[:, None]
+    return bootstrapped(lambda weights: np.abs(weights @ apart).sum(axis=1) / len(p), len(p))
 
 
 def bin_of(confidence: Float[Array, " n"]) -> Int[Array, " n"]:
@@ -154,8 +149,9 @@ def closed(refit: Sequence[float], with_effect: Sequence[float], noise_floor: Se
     """
     before, after, floor = (np.array(each, float) for each in (refit, with_effect, noise_floor))
 
-    def share(chosen: Int[Array, " n"]) -> float:
-        reducible = float((before - floor)[chosen].sum())
-        return float((before - after)[chosen].sum()) / reducible if reducible > 0 else float("nan")
+    def share(weights: Weights) -> Values:
+        reducible = weights @ (before - floor)
+        closed: Values = weights @ (before - after) / np.where(reducible > 0, reducible, np.nan)
+        return closed
 
     return bootstrapped(share, len(before))

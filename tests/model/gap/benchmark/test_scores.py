@@ -13,7 +13,6 @@ from model.gap.benchmark.scores import (
     calibration_error,
     closed,
     confusion,
-    f1_of,
     macro_f1,
     mean,
     overlap,
@@ -41,7 +40,7 @@ def test_the_bootstrap_of_a_mean_is_that_of_its_standard_error():
     assert score.high - score.low == pytest.approx(width, rel=0.1)
     assert mean([np.nan, 2.0, 4.0]).value == 3.0
     assert mean([]) == Score()
-    assert bootstrapped(lambda chosen: float("nan"), 3) == Score()
+    assert bootstrapped(lambda weights: np.full(len(weights), np.nan), 3) == Score()
 
 
 def test_f1_is_averaged_over_the_classes_that_occur():
@@ -49,7 +48,6 @@ def test_f1_is_averaged_over_the_classes_that_occur():
     counts = confusion(truth, answers, ["a", "b", "c", "d"])
     np.testing.assert_array_equal(counts, [[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1], [0, 0, 0, 0]])
     # a: 2·1/(2+1), b: 2·1/(2+1), c: 0; d never occurs and does not count
-    assert f1_of(counts) == pytest.approx((2 / 3 + 2 / 3 + 0) / 3)
     score = macro_f1(truth, answers)
     assert score.value == pytest.approx(4 / 9)
     assert score.low <= 4 / 9 <= score.high
