@@ -12,7 +12,7 @@ MAX_POINTS: Final = 20_000
 
 
 def inspect(path: Path) -> str:
-    """Look at a `.npz` as `docs/observation.md` describes it; returns its suffix.
+    """Look at a `.npz` as `docs/diagnosis.md` describes it; returns its suffix.
 
     Raises:
         UnknownFormatError: no zip archive.
