@@ -15,6 +15,7 @@ import click
 
 from model.commands.common import InputFile, OutputFile, check_outputs, one_line, one_thread, print_json, warn
 from model.commands.diagnose import diagnose
+from model.commands.edit import edit
 from model.commands.export import export
 from model.commands.view import view
 from model.doubts import collect_doubts
@@ -243,6 +244,7 @@ def inspect(twin: Path, as_json: bool) -> None:
 
 
 matphys.add_command(diagnose)
+matphys.add_command(edit)
 matphys.add_command(export)
 matphys.add_command(view)
 

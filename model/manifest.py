@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float32
 from pydantic import JsonValue
 
 from model.priors.materials import MATERIALS
@@ -93,7 +93,7 @@ def describe_parts(
                     name: PropertyRecord(mean=belief.mean, spread=belief.spread, unit=belief.unit)
                     for name, belief in prior.properties.items()
                 },
-                stiffness=_stiffness(parameters.stiffness, inside),
+                stiffness=stiffness_record(parameters.stiffness[inside]),
                 size=_size(topology, members, int((parts.labels == part).sum())),
                 overlay=base64.b64encode(overlay_png(view)).decode(),
             )
@@ -101,8 +101,9 @@ def describe_parts(
     return tuple(records)
 
 
-def _stiffness(stiffness: Array, inside: Bool[Array, " E"]) -> StiffnessRecord:
-    values = stiffness[inside].astype(np.float64)
+def stiffness_record(stiffness: Float32[Array, " E"]) -> StiffnessRecord:
+    """Statistics of the springs of a part [N/m]."""
+    values = stiffness.astype(np.float64)
     if not len(values):
         return StiffnessRecord(springs=0)
     return StiffnessRecord(

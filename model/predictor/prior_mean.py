@@ -64,6 +64,25 @@ class PriorMeanPredictor(ParameterPredictor):
         tracks: Tracks,
     ) -> Parameters:
         """Parametrise the topology; frames, masks and tracks are not looked at."""
+        return self.from_priors(topology, priors, shape_class, calibration.gravity, calibration.ground_height)
+
+    def from_priors(
+        self,
+        topology: Topology,
+        priors: Sequence[MaterialPrior],
+        shape_class: ShapeClass,
+        gravity: tuple[float, float, float],
+        ground_height: float | None,
+    ) -> Parameters:
+        """Parametrise a topology of which nothing else is known.
+
+        Args:
+            topology: What to parametrise.
+            priors: One per part, in the order of the labels.
+            shape_class: Sheet, rope or solid: how springs share the modulus.
+            gravity: [m/s²].
+            ground_height: z of the ground [m]; None: no ground.
+        """
         volume = _volumes(topology, priors)
         modulus = np.array([prior.properties["stiffness"].mean for prior in priors])
         stiffness = lattice_stiffness(topology, modulus, volume, shape_class)
@@ -82,13 +101,13 @@ class PriorMeanPredictor(ParameterPredictor):
         entries = {
             "dashpot_damping": Parameter(dashpot, "N*s/m", "prior", dashpot * damping_spread),
             "collision_distance": Parameter(_collision_distance(topology), "m", "prior"),
-            "gravity": Parameter(tuple(float(g) for g in calibration.gravity), "m/s^2", "prior"),
+            "gravity": Parameter(tuple(float(g) for g in gravity), "m/s^2", "prior"),
         }
         for name, unit in POOLED.items():
             value, spread = _pooled(priors, volume, name)
             entries[name] = Parameter(value, unit, "prior", value * spread)
-        if calibration.ground_height is not None:
-            entries["ground_height"] = Parameter(float(calibration.ground_height), "m", "prior")
+        if ground_height is not None:
+            entries["ground_height"] = Parameter(float(ground_height), "m", "prior")
         return Parameters(stiffness.astype(np.float32), held.astype(np.float32), entries, warnings)
 
 

@@ -1,0 +1,132 @@
+"""Another material for a part of a twin."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from model.bundle import TwinBundle
+from model.errors import InputError
+from model.formats.parameters import gravity, ground_height
+from model.gap.bodies.guess import guess_shape
+from model.manifest import stiffness_record
+from model.predictor.prior_mean import POOLED, PriorMeanPredictor
+from model.priors.materials import MATERIALS, UNITS, typical
+from model.schema import PartRecord, PropertyRecord, content_id
+from model.types import Estimate, MaterialPrior, Parameters, ShapeClass, Topology
+from model.version import __version__
+
+
+def edit_part(
+    twin: TwinBundle, part: int, material: str, shape_class: ShapeClass | None = None
+) -> TwinBundle:
+    """The twin with one part of another material, its springs predicted anew.
+
+    The part's points weigh what that material weighs in the same volume. Springs with an end in the part and
+    controller springs that hold it are those that the twin pipeline's predictor gives for the new materials;
+    all others stay. Global parameters that come from the prior are predicted anew as well; those that were
+    fitted or given stay. What was measured of the old twin (metrics, preview) goes.
+
+    Args:
+        twin: From the pipeline, so that it says what its other parts are made of.
+        part: Its number in `parts.json`.
+        material: One of the ten.
+        shape_class: What the object is; None: told from how its points lie.
+
+    Raises:
+        InputError: no such part or material, or parts whose material prior the twin does not say.
+
+    Reference:
+        As `model.predictor.prior_mean.PriorMeanPredictor`.
+    """
+    if material not in MATERIALS:
+        raise InputError(f"--material {material}: choose one of {', '.join(MATERIALS)}")
+    if not 0 <= part < len(twin.parts):
+        what = f"0 to {len(twin.parts) - 1}" if twin.parts else "none: parts.json is empty"
+        raise InputError(f"--part {part}: the parts of this twin are {what}")
+    shape = shape_class or guess_shape(twin.topology.points.astype(np.float64))
+    before = [_prior(record, number, shape) for number, record in enumerate(twin.parts)]
+    distribution = np.array([float(name == material) for name in MATERIALS])
+    after = list(before)
+    after[part] = MaterialPrior(distribution, typical(material, shape), shape)
+    topology = _weighed(twin.topology, part, before[part], after[part])
+    predicted = PriorMeanPredictor().from_priors(
+        topology, after, shape, gravity(twin.parameters), ground_height(twin.parameters)
+    )
+    parameters = _mixed(twin, part, predicted)
+    said = f"part {part} was made {material} by its user"
+    manifest = twin.manifest.model_copy(
+        update={
+            "id": content_id(
+                twin.manifest.id, {"part": part, "material": material, "shape": shape}, __version__
+            ),
+            "warnings": (*twin.manifest.warnings, said, *predicted.warnings),
+            "metrics": {},
+        }
+    )
+    parts = _records(twin.parts, part, after[part], topology, parameters)
+    return replace(
+        twin, manifest=manifest, topology=topology, parameters=parameters, parts=parts, preview=None
+    )
+
+
+def _prior(record: PartRecord, number: int, shape: ShapeClass) -> MaterialPrior:
+    """What the twin believed a part to be made of."""
+    missing = [name for name in UNITS if name not in record.prior]
+    if missing:
+        raise InputError(
+            f"parts.json: part {number} has no prior of its {missing[0]}: edit twins that matphys made"
+        )
+    properties = {
+        name: Estimate(mean=record.prior[name].mean, spread=record.prior[name].spread, unit=UNITS[name])
+        for name in UNITS
+    }
+    return MaterialPrior(np.array([record.materials.get(name, 0.0) for name in MATERIALS]), properties, shape)
+
+
+def _weighed(topology: Topology, part: int, before: MaterialPrior, after: MaterialPrior) -> Topology:
+    """The part's points of the new density, in the same volume."""
+    ratio = after.properties["density"].mean / before.properties["density"].mean
+    mass = np.where(topology.part == part, topology.mass * np.float32(ratio), topology.mass)
+    return replace(topology, mass=mass.astype(np.float32))
+
+
+def _mixed(twin: TwinBundle, part: int, predicted: Parameters) -> Parameters:
+    """New values where the part is, and where the prior speaks for the whole."""
+    topology, old = twin.topology, twin.parameters
+    touched = (topology.part[topology.springs] == part).any(axis=1)
+    held = topology.part[topology.controller_springs[:, 1]] == part
+    entries = dict(old.globals)
+    for name in ("dashpot_damping", *POOLED):
+        if name in entries and entries[name].source == "prior":
+            entries[name] = predicted.globals[name]
+    return replace(
+        old,
+        stiffness=np.where(touched, predicted.stiffness, old.stiffness),
+        controller_stiffness=np.where(held, predicted.controller_stiffness, old.controller_stiffness),
+        globals=entries,
+    )
+
+
+def _records(
+    parts: Sequence[PartRecord], part: int, prior: MaterialPrior, topology: Topology, parameters: Parameters
+) -> tuple[PartRecord, ...]:
+    """`parts.json` with the new material, and the statistics of the springs as they are now."""
+    ends, records = topology.part[topology.springs], list(parts)
+    for number, record in enumerate(parts):
+        inside = (ends == number).all(axis=1)
+        records[number] = record.model_copy(
+            update={"stiffness": stiffness_record(parameters.stiffness[inside])}
+        )
+    record, weight = records[part], float(topology.mass[topology.part == part].sum(dtype=np.float64))
+    update: dict[str, object] = {
+        "materials": {name: float(share) for name, share in zip(MATERIALS, prior.distribution, strict=True)},
+        "prior": {
+            name: PropertyRecord(mean=belief.mean, spread=belief.spread, unit=belief.unit)
+            for name, belief in prior.properties.items()
+        },
+    }
+    if record.size is not None:
+        update["size"] = record.size.model_copy(update={"mass": weight})
+    records[part] = record.model_copy(update=update)
+    return tuple(records)

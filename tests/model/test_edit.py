@@ -1,0 +1,115 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from model.bundle import TwinBundle
+from model.cli import matphys
+from model.edit import edit_part
+from model.errors import InputError
+from model.predictor.prior_mean import PriorMeanPredictor
+from model.priors.materials import MATERIALS, typical
+from model.schema import PartRecord, PropertyRecord
+from model.types import MaterialPrior, Parameter
+
+GRAVITY = (0.0, 0.0, -9.81)
+
+
+@pytest.fixture
+def twin(twin_path) -> TwinBundle:
+    """A cube of fabric in two parts, its springs predicted as the pipeline does."""
+    bundle = TwinBundle.load(twin_path)
+    properties = typical("fabric", "solid")
+    fabric = np.array([float(name == "fabric") for name in MATERIALS])
+    records = tuple(
+        PartRecord(
+            label=number,
+            materials=dict(zip(MATERIALS, fabric.tolist(), strict=True)),
+            prior={
+                name: PropertyRecord(mean=belief.mean, spread=belief.spread, unit=belief.unit)
+                for name, belief in properties.items()
+            },
+        )
+        for number in range(2)
+    )
+    priors = [MaterialPrior(fabric, properties, "solid")] * 2
+    predicted = PriorMeanPredictor().from_priors(bundle.topology, priors, "solid", GRAVITY, None)
+    return replace(bundle, parts=records, parameters=predicted)
+
+
+def test_the_springs_of_the_part_are_the_predictors_and_the_others_stay(twin):
+    after = edit_part(twin, 1, "rubber", "solid")
+    inside = twin.topology.part == 1
+    touched = inside[twin.topology.springs].any(axis=1)
+    assert 0 < touched.sum() < len(touched)
+    np.testing.assert_array_equal(after.parameters.stiffness[~touched], twin.parameters.stiffness[~touched])
+    priors = [
+        MaterialPrior(np.eye(10)[MATERIALS.index(name)], typical(name, "solid"), "solid")
+        for name in ("fabric", "rubber")
+    ]
+    expected = PriorMeanPredictor().from_priors(after.topology, priors, "solid", GRAVITY, None)
+    np.testing.assert_array_equal(after.parameters.stiffness[touched], expected.stiffness[touched])
+    assert after.parameters.stiffness[touched].mean() > 5 * twin.parameters.stiffness[touched].mean()
+
+
+def test_the_part_weighs_what_rubber_weighs(twin):
+    after, inside = edit_part(twin, 1, "rubber", "solid"), twin.topology.part == 1
+    ratio = typical("rubber", "solid")["density"].mean / typical("fabric", "solid")["density"].mean
+    np.testing.assert_allclose(after.topology.mass[inside], ratio * twin.topology.mass[inside], rtol=1e-6)
+    np.testing.assert_array_equal(after.topology.mass[~inside], twin.topology.mass[~inside])
+
+
+def test_a_part_made_of_what_it_was_stays_as_it_was(twin):
+    after = edit_part(twin, 0, "fabric", "solid")
+    np.testing.assert_array_equal(after.parameters.stiffness, twin.parameters.stiffness)
+    np.testing.assert_array_equal(after.topology.mass, twin.topology.mass)
+
+
+def test_what_was_fitted_or_given_stays(twin):
+    fitted = Parameter(0.77, "1/s", "fitted")
+    known = replace(twin.parameters, globals=twin.parameters.globals | {"drag_rate": fitted})
+    after = edit_part(replace(twin, parameters=known), 1, "paper", "solid")
+    assert after.parameters.globals["drag_rate"] is fitted
+    assert after.parameters.globals["friction"].value != twin.parameters.globals["friction"].value
+
+
+def test_the_twin_says_so_loads_and_moves(twin, tmp_path):
+    after = edit_part(twin, 1, "rubber", "solid")
+    after.save(tmp_path / "new.twin.zip")
+    again = TwinBundle.load(tmp_path / "new.twin.zip")
+    assert again.parts[1].materials["rubber"] == 1
+    assert again.parts[0].materials["fabric"] == 1
+    assert again.parts[1].stiffness.mean > again.parts[0].stiffness.mean
+    assert "part 1 was made rubber by its user" in again.manifest.warnings
+    assert again.manifest.id != twin.manifest.id
+    assert np.isfinite(again.rollout().points).all()
+
+
+@pytest.mark.parametrize(
+    ("part", "material", "line"),
+    [
+        (2, "rubber", "--part 2: the parts of this twin are 0 to 1"),
+        (0, "stone", "--material stone: choose one of"),
+    ],
+)
+def test_what_there_is_not_is_refused(twin, part, material, line):
+    with pytest.raises(InputError, match=line):
+        edit_part(twin, part, material)
+
+
+def test_a_twin_that_does_not_say_what_it_is_made_of_is_refused(twin):
+    silent = tuple(part.model_copy(update={"prior": {}}) for part in twin.parts)
+    with pytest.raises(InputError, match="part 0 has no prior of its stiffness"):
+        edit_part(replace(twin, parts=silent), 1, "rubber", "solid")
+
+
+def test_the_command_says_what_it_did(twin, tmp_path):
+    twin.save(tmp_path / "old.twin.zip")
+    arguments = ["edit", str(tmp_path / "old.twin.zip"), "--part", "1", "--material", "rubber"]
+    result = CliRunner().invoke(
+        matphys, [*arguments, "--out", str(tmp_path / "new.twin.zip"), "--shape", "solid"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "springs of part 1" in result.stdout
+    assert TwinBundle.load(tmp_path / "new.twin.zip").parts[1].materials["rubber"] == 1
