@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int
+from jaxtyping import Float32, Float64, UInt32
 
 from model.exports.base import Exporter
 from model.exports.gltf import GltfWriter
@@ -84,9 +84,9 @@ def _places(twin: "TwinBundle", trajectory: Trajectory) -> Float32[Array, "T n 3
     return np.concatenate([trajectory.points, twin.controls], axis=1)
 
 
-def _faces(count: int) -> Int[Array, "F 3"]:
+def _faces(count: int) -> UInt32[Array, "F 3"]:
     shifted = FACES[None] + np.arange(0, count * len(CORNERS), len(CORNERS), dtype=np.uint32)[:, None, None]
-    faces: Int[Array, "F 3"] = shifted.reshape(-1, 3)
+    faces: UInt32[Array, "F 3"] = shifted.reshape(-1, 3)
     return faces
 
 

@@ -59,8 +59,10 @@ class PhystwinExporter(Exporter):
         mechanics = mechanics_of(twin)
         mass = _check(twin, mechanics)
         points, hands = len(mechanics.points), mechanics.edges[mechanics.spring_count :]
-        rule = spring_rule(mechanics.points, mechanics.edges[: mechanics.spring_count])
-        grip = spring_rule(mechanics.points, hands[:, ::-1] - [points, 0], mechanics.controllers)
+        places = _down(mechanics.points, mechanics).astype(np.float32)
+        held = _down(mechanics.controls[0], mechanics).astype(np.float32)
+        rule = spring_rule(places, mechanics.edges[: mechanics.spring_count])
+        grip = spring_rule(places, hands[:, ::-1] - [points, 0], held)
         order = np.concatenate([rule.order, mechanics.spring_count + grip.order])
         strength = (mechanics.stiffness * mechanics.rest_length / mass)[order]
         if not ((strength > 0) & (strength <= STIFFEST)).all():

@@ -3,14 +3,16 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int, Int64
+from jaxtyping import Float32, Float64, Int, Int64
 from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.types import Array
 
-TIE = 1e-5
-"""Relative difference below which two distances are in no order that single precision keeps."""
+TIE = 1e-9
+"""Relative difference below which the order of two distances is chance."""
+MARGIN = 0.02
+"""How far beyond the longest spring the next distance is looked for, as a share of it."""
 SHORTEST = 1e-4
 """Springs shorter than this are not made there [m]."""
 
@@ -28,14 +30,14 @@ class Rule:
 
 
 def spring_rule(
-    points: Float64[Array, "N 3"],
+    points: Float32[Array, "N 3"],
     springs: Int[Array, "E 2"],
-    centers: Float64[Array, "C 3"] | None = None,
+    centers: Float32[Array, "C 3"] | None = None,
 ) -> Rule:
     """The rule that gives exactly these springs.
 
     Args:
-        points: Rest places [m].
+        points: Rest places as the files have them [m].
         springs: Pairs of points; with `centers`, pairs (center, point).
         centers: What joins points, where it is not the points themselves [m].
 
@@ -48,12 +50,11 @@ def spring_rule(
     what = "springs" if centers is None else "controller springs"
     if not len(springs):
         raise InputError(f"phystwin: there are no {what}")
-    single = points.astype(np.float32).astype(np.float64)
-    origin = single if centers is None else centers.astype(np.float32).astype(np.float64)
+    single = points.astype(np.float64)
+    origin = single if centers is None else centers.astype(np.float64)
     longest = float(np.linalg.norm(origin[springs[:, 0]] - single[springs[:, 1]], axis=1).max())
-    rows = [
-        np.array(row, np.int64) for row in cKDTree(single).query_ball_point(origin, longest * (1 + TIE / 2))
-    ]
+    radius = _radius(single, origin, longest)
+    rows = [np.array(row, np.int64) for row in cKDTree(single).query_ball_point(origin, radius)]
     distances = [np.linalg.norm(single[row] - place, axis=1) for row, place in zip(rows, origin, strict=True)]
     ranked = [np.argsort(away, kind="stable") for away in distances]
     rows = [row[rank] for row, rank in zip(rows, ranked, strict=True)]
@@ -72,13 +73,18 @@ def spring_rule(
             f"twin has {len(wanted)}"
         )
     _refuse_ties(distances, low, what)
-    radius = longest * (1 + TIE / 4)
     return Rule(radius, low, np.array([wanted[pair] for pair in made], np.int64))
 
 
-def _join(
-    rows: list[Int64[Array, " k"]], distances: list[Float64[Array, " k"]], count: int, own: bool
-) -> list[tuple[int, int]]:
+def _radius(points: Float64[Array, "N 3"], origin: Float64[Array, "C 3"], longest: float) -> float:
+    """Halfway between the longest spring and the next distance, so that rounding changes nothing [m]."""
+    tree, reach = cKDTree(points), (1 + MARGIN) * longest
+    near = tree.sparse_distance_matrix(cKDTree(origin), reach, output_type="ndarray")["v"]
+    longer = near[near > longest * (1 + TIE)]
+    return 0.5 * (longest + float(longer.min(initial=reach)))
+
+
+def _join(rows: list[Array], distances: list[Array], count: int, own: bool) -> list[tuple[int, int]]:
     """The springs by the rule, in its order."""
     made: dict[tuple[int, int], None] = {}
     for i, (row, away) in enumerate(zip(rows, distances, strict=True)):
@@ -94,7 +100,7 @@ def _key(pair: "tuple[int, int] | list[int]", own: bool) -> tuple[int, int]:
     return (min(first, second), max(first, second)) if own else (first, second)
 
 
-def _refuse_ties(distances: list[Float64[Array, " k"]], count: int, what: str) -> None:
+def _refuse_ties(distances: list[Array], count: int, what: str) -> None:
     """Its order, and who is the last of the neighbours, would be chance among equal distances."""
     for away in distances:
         kept = away[: count + 1]

@@ -15,8 +15,8 @@ def soft_contact(restitution: float, step: float) -> tuple[float, float]:
     r"""Stiffness [1/s²] and damping [1/s], each per mass, of a contact with that restitution.
 
     An impact turns the speed v into -e v at once. So does, in a step of semi-implicit Euler, a damper of
-    about (1 + e)/dt; the spring beside it bears what rests. The damping is the one with which a mass keeps the
-    share e of its speed, on average over where within a step it meets the contact. (Weaker dampers, whose
+    about (1 + e)/dt; the spring beside it bears what rests. The damping is the one with which a mass keeps
+    the share e of its speed, on average over where within a step it meets the contact. (Weaker dampers, whose
     contacts last for many steps, have the reference's closed form; but springs of the object then act while
     it lasts, and it bounces otherwise.)
 

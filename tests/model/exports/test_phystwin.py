@@ -71,7 +71,7 @@ def load(folder, name):
 def test_its_rule_makes_the_same_springs_with_the_same_stiffness(ruled, tmp_path):
     PhystwinExporter()(ruled, tmp_path)
     data, options = load(tmp_path, "final_data.pkl"), load(tmp_path, "optimal_params.pkl")
-    points, hands = data["object_points"][0], data["controller_points"][0]
+    points, hands = (data[name][0].astype(float) for name in ("object_points", "controller_points"))
     pairs, count = rebuild(points, hands, options)
     checkpoint = torch.load(next(tmp_path.rglob("best_0.pth")), weights_only=True)
     assert checkpoint["num_object_springs"] == count == len(ruled.topology.springs)
@@ -199,4 +199,4 @@ def test_equal_distances_are_refused(ruled, tmp_path):
     grid = np.stack(np.meshgrid(*[np.arange(3.0)] * 3), -1).reshape(-1, 3)
     apart = np.linalg.norm(grid[:, None] - grid, axis=-1)
     with pytest.raises(InputError, match="equally long"):
-        spring_rule(grid, np.argwhere(np.triu((apart < 1.1) & (apart > 0))))
+        spring_rule(grid.astype(np.float32), np.argwhere(np.triu((apart < 1.1) & (apart > 0))))
