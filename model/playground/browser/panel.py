@@ -68,9 +68,7 @@ class Panel:
                 handle.value = value(moment.settings)
         self._run.label = "Pause" if moment.running else "Go on"
         self._free.disabled = not moment.hand
-        self._record.label = (
-            f"Stop recording ({self._recording.seconds:.0f} s)" if self._recording.on else "Record a video"
-        )
+        self._record.label = record_label(self._recording)
 
     def _add_motion(self) -> None:
         gui, session = self._gui, self._session
@@ -98,7 +96,9 @@ class Panel:
         gui, change, one = self._gui, self._session.change, self._session.change_one
         with gui.add_folder("Surroundings"):
             gravity = gui.add_vector3("Gravity m/s²", settings.gravity, step=0.1)
-            self._hear(gravity, lambda s: s.gravity, lambda v: change(gravity=tuple(v)))
+            self._hear(
+                gravity, lambda s: s.gravity, lambda v: change(gravity=tuple(float(part) for part in v))
+            )
             for axis, name in enumerate("xy"):
                 wind = self._slider(f"Wind {name} m/s", settings.wind[axis], (-8.0, 8.0), 0.1)
                 self._hear(wind, partial(_item, "wind", axis), partial(one, "wind", axis))
@@ -198,6 +198,13 @@ def state_text(moment: Moment, drawing: str = "") -> str:
         lines.append(f"cannot act now: {', '.join(moment.idle)}")
     lines += [line for line in (drawing, moment.message) if line]
     return "  \n".join(lines)
+
+
+def record_label(recording: Recording) -> str:
+    """What the button of the video does next."""
+    if recording.on:
+        return f"Stop recording ({recording.seconds:.0f} s)"
+    return f"Draw the recording ({recording.seconds:.0f} s)" if len(recording) else "Record a video"
 
 
 def legend_html(legend: Legend) -> str:

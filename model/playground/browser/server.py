@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 PICTURES = 30.0
 """Pictures a second that a browser is sent, at most."""
-INSTALL = "matphys view needs viser: pip install 'matphys[view]'"
+INSTALL = "matphys view needs viser: pip install 'viser>=1.1'"
 
 
 class Playground:
@@ -56,9 +56,10 @@ class Playground:
         mover.start()
         try:
             while not self._stop.wait(1.0 / PICTURES):
-                moment = self.session.moment
-                self.scene.show(moment, self._panel.color_by)
-                self._panel.show(moment)
+                if self.server.get_clients():
+                    moment = self.session.moment
+                    self.scene.show(moment, self._panel.color_by)
+                    self._panel.show(moment)
         finally:
             self.stop()
             mover.join()

@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from model.playground.browser.panel import legend_html, state_text
+from model.playground.browser.panel import legend_html, record_label, state_text
+from model.playground.movie import Recording
 
 
 @pytest.mark.parametrize(
@@ -18,6 +19,19 @@ def test_what_the_user_should_know_is_said(session):
     text = state_text(replace(moment, building=True), "drawing the video: 9 frames")
     for words in ("paused", "1.2 s", "grip_slip", "it broke", "making the simulator", "9 frames"):
         assert words in text
+
+
+def test_the_button_of_the_video_says_what_it_does_next(session):
+    recording = Recording(0.5)
+    assert record_label(recording) == "Record a video"
+    recording.start()
+    recording.see(session.step(), "part")
+    recording.see(session.step(), "part")
+    assert record_label(recording) == "Stop recording (1 s)"
+    recording.on = False
+    assert record_label(recording) == "Draw the recording (1 s)"
+    recording.stop()
+    assert record_label(recording) == "Record a video"
 
 
 def test_words_of_a_bundle_are_no_markup():

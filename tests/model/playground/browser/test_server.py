@@ -39,7 +39,7 @@ def test_without_viser_the_command_that_installs_it_is_said(twin_path, monkeypat
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *rest: None if name == "viser" else find(name, *rest)
     )
-    assert "pip install 'matphys[view]'" in refused(capsys, twin_path)
+    assert "pip install 'viser>=1.1'" in refused(capsys, twin_path)
 
 
 def test_nothing_to_compare_is_said_in_one_line(twin_path, capsys):
