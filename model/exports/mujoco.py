@@ -82,7 +82,7 @@ def write_document(mechanics: Mechanics, colors: Float64[Array, "N 3"], name: st
         ' conaffinity="0" group="1"/></default>',
         f'<default class="touch"><geom size="{RADIUS}" mass="0" contype="0" conaffinity="0"'
         ' group="3"/></default>',
-        '<default class="hand"><geom size="0.006" rgba=".9 .3 .2 1" contype="0" conaffinity="0"'
+        '<default class="hand"><geom size="0.006" mass="0" rgba=".9 .3 .2 1" contype="0" conaffinity="0"'
         ' group="2"/></default>',
         "</default>",
         "<asset>",

@@ -84,7 +84,7 @@ def test_springs_and_parameters_are_documented_primvars(stage, rope):
     np.testing.assert_array_equal(points.GetPrimvar("mass").Get(), rope.topology.mass)
     twin = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/Twin"))
     assert twin.GetPrimvar("drag_rate").Get() == pytest.approx(1.5)
-    for primvar in [*springs.GetPrimvars(), *points.GetPrimvars(), *twin.GetPrimvars()]:
+    for primvar in [each for prim in (springs, points, twin) for each in prim.GetAuthoredPrimvars()]:
         assert primvar.GetPrimvarName() == "displayColor" or primvar.GetAttr().GetDocumentation()
 
 
