@@ -17,6 +17,7 @@ from model.simulator.kernel.call import Interval
 from model.simulator.kernel.cuda.kernel import CudaKernel
 from model.simulator.kernel.kernel import Kernel
 from model.simulator.kernel.terms import Inexpressible
+from model.simulator.parameters import Values
 from model.simulator.stability import Slopes, differentiate
 from model.simulator.system import Anchors, State
 
@@ -79,15 +80,22 @@ class Oracle(Path):
 class FastPath(Path):
     """A compiled kernel, one call per frame."""
 
-    def __init__(self, kernel: Kernel | CudaKernel, dynamics: Dynamics) -> None:
-        """Through this kernel of these terms."""
-        self._kernel, self._dynamics = kernel, dynamics
+    def __init__(self, kernel: Kernel | CudaKernel, dynamics: Dynamics, meets: bool = False) -> None:
+        """Through this kernel of these terms; `meets`: it has self-contact where no gradients flow."""
+        self._kernel, self._dynamics, self._meets = kernel, dynamics, meets
 
     def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
         """The state [m, m/s] after a frame."""
-        held = None if drive.motion is None else (drive.motion[drive.frame - 1], drive.motion[drive.frame])
         keeps = torch.is_grad_enabled() and not checkpoint
-        return self._kernel.advance(state, held, Interval(dt, drive.count, drive.interval), keeps)
+        interval = Interval(dt, drive.count, drive.interval)
+        return self._kernel.advance(state, drive.ends, interval, keeps)
+
+    def meets(self, state: State, drive: Drive) -> bool:
+        """Whether the object meets itself in a frame that starts in `state`, as the kernel computes it."""
+        inputs = (state.positions, state.velocities, *state.memory.values(), *(drive.ends or ()))
+        if not self._meets or isinstance(self._kernel, CudaKernel):
+            return False
+        return not self._kernel.differentiates(*inputs)
 
     @property
     def look(self) -> int:
@@ -101,16 +109,19 @@ class FastPath(Path):
 
 
 class Watched(Path):
-    """The fast path while the object does not meet itself, the oracle for the frames in which it may."""
+    """The fast path while the object does not meet itself, the oracle for the frames in which it may.
 
-    def __init__(self, free: Path, whole: Path, meeting: SelfCollision) -> None:
-        """`free` leaves out what `meeting` would do, `whole` does not."""
+    Without gradients the fast path does both.
+    """
+
+    def __init__(self, free: FastPath, whole: Path, meeting: SelfCollision) -> None:
+        """`free` leaves out what `meeting` would do where gradients flow, `whole` does not."""
         self._free, self._whole, self._meeting = free, whole, meeting
 
     def advance(self, state: State, drive: Drive, dt: float, checkpoint: bool) -> State:
         """The state [m, m/s] after a frame: tried without contact, done again if there may have been one."""
         after = self._free.advance(state, drive, dt, checkpoint)
-        if self._meeting.meets(state.positions, after.positions):
+        if not self._free.meets(state, drive) and self._meeting.meets(state.positions, after.positions):
             return self._whole.advance(state, drive, dt, checkpoint)
         return after
 
@@ -135,16 +146,30 @@ def choose_path(backend: Backend, dynamics: Dynamics, integrator: Integrator, ba
     """
     if backend == "torch":
         return Oracle(dynamics, integrator)
-    meeting = next((term for term, _ in dynamics.contacts if isinstance(term, SelfCollision)), None)
-    if meeting is not None and backend == "auto":
-        free = choose_path(backend, dynamics.without(meeting), integrator, batch)
-        whole = Oracle(dynamics, integrator)
-        return whole if isinstance(free, Oracle) else Watched(free, whole, meeting)
+    meeting = next(((term, v) for term, v in dynamics.contacts if isinstance(term, SelfCollision)), None)
     try:
-        kind = CudaKernel if dynamics.mass.device.type == "cuda" else Kernel
-        return FastPath(kind(dynamics, integrator, batch), dynamics)
+        if meeting is None or backend == "kernel":
+            return _fast(dynamics, integrator, batch)
+        # a kernel resolves it before all other contacts
+        first = meeting if dynamics.contacts[0][0] is meeting[0] else None
+        free = _fast(dynamics.without(meeting[0]), integrator, batch, first)
+        return Watched(free, Oracle(dynamics, integrator), meeting[0])
     except Inexpressible as error:
         if backend == "kernel":
             raise InputError(f"no kernel can be had: {error}; use the backend 'torch'") from error
         warnings.warn(f"the torch oracle serves, slowly: {error}", FallbackWarning, stacklevel=3)
         return Oracle(dynamics, integrator)
+
+
+def _fast(
+    dynamics: Dynamics,
+    integrator: Integrator,
+    batch: torch.Size,
+    meeting: tuple[SelfCollision, Values] | None = None,
+) -> FastPath:
+    """The kernel of these terms, on whichever device they are."""
+    if dynamics.mass.device.type == "cuda":
+        return FastPath(CudaKernel(dynamics, integrator, batch), dynamics)
+    if meeting is None:
+        return FastPath(Kernel(dynamics, integrator, batch), dynamics)
+    return FastPath(Kernel(dynamics, integrator, batch, meeting), dynamics, meets=True)

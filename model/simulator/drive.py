@@ -25,6 +25,11 @@ class Drive:
     count: int
     """Substeps of the interval."""
 
+    @property
+    def ends(self) -> tuple[Tensor, Tensor] | None:
+        """Where the controllers are at the start and at the end [m], [*b, C, 3]."""
+        return None if self.motion is None else (self.motion[self.frame - 1], self.motion[self.frame])
+
     def __call__(self, substep: int) -> Anchors | None:
         """Anchors at the end of `substep` (from 0)."""
         if self.motion is None:

@@ -23,6 +23,8 @@ from model.simulator.parameters import broadcast
 from model.simulator.stability import StabilityWatch
 from model.simulator.system import Anchors, State, System, check_shapes
 
+ROUNDED = 12
+"""Decimals of an interval [s]: frames that only the rounding of their times makes unlike share constants."""
 Progress: TypeAlias = Callable[[int, int], None]
 """Called after each frame with the frames done and the frames there are."""
 Lead: TypeAlias = Callable[[int, State], State]
@@ -181,7 +183,7 @@ class Simulator(nn.Module):
         held = None if motion is None else Anchors(motion[0].detach(), torch.zeros_like(motion[0]))
         now = _remembering(dynamics, now, held)
         path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
-        intervals = [float(interval) for interval in np.diff(moments)]
+        intervals = [float(interval) for interval in np.diff(moments).round(ROUNDED)]
         pace = Pace(dynamics, path, substeps)
         if intervals:
             pace.start(now, held, max(intervals))

@@ -27,7 +27,7 @@ class SelfCollision(ContactTerm):
 
     Args:
         system: Whose points; gives rest places and springs.
-        distance: Collision distance [m].
+        distance: Collision distance [m]; of shape [*b, 1] for many at once, zero where nothing is to meet.
         restitution: e [1].
         friction: $\mu$ [1].
 
@@ -44,16 +44,20 @@ class SelfCollision(ContactTerm):
     }
 
     def __init__(
-        self, system: System, distance: float, restitution: TensorLike, friction: TensorLike
+        self, system: System, distance: float | Tensor, restitution: TensorLike, friction: TensorLike
     ) -> None:
         """See the class."""
-        super().__init__(restitution=restitution, friction=friction)
-        if not 0 < distance < float("inf"):
+        apart = torch.as_tensor(distance, dtype=torch.float64).detach()
+        if not (torch.isfinite(apart).all() and (apart >= 0).all() and (apart > 0).any()):
             raise InputError(
                 f"collision_distance is {distance}: give a length above zero [m], or no self-collision"
             )
-        self.distance = distance
-        self._search = NeighbourSearch(system.points, system.springs, distance)
+        each = torch.ones_like(apart)  # so that the batch of distances is one of the constants
+        super().__init__(
+            restitution=torch.as_tensor(restitution) * each, friction=torch.as_tensor(friction) * each
+        )
+        self.distance = apart
+        self._search = NeighbourSearch(system.points, system.springs, apart.reshape(-1).numpy())
 
     def resolve(
         self,
@@ -92,7 +96,8 @@ class SelfCollision(ContactTerm):
         """Pairs that are within the distance and come closer."""
         first, second = self._search.pairs(positions)
         apart = points.index_select(0, second) - points.index_select(0, first)
-        near = ((apart * apart).sum(-1) < self.distance**2).nonzero().squeeze(-1)
+        distance = _each(self.distance.to(positions), first // positions.shape[-2])
+        near = ((apart * apart).sum(-1) < distance**2).nonzero().squeeze(-1)
         first, second, apart = first[near], second[near], apart[near]
         closing = ((speeds[second] - speeds[first]) * apart).sum(-1) < 0
         return first[closing], second[closing]

@@ -3,7 +3,9 @@
 import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -28,13 +30,22 @@ class Frame(ctypes.Structure):
         *((name, _P) for name in ("corner_forces", "corner_adjoints")),
         *((name, _P) for name in ("rows", "sums", "before", "after")),
         *((name, _P) for name in ("inverse_mass", "factor", "restitution", "friction", "height", "gravity")),
-        *((name, _P) for name in ("edge", "scene", "memory", "adjoint")),
+        *((name, _P) for name in ("edge", "scene", "memory")),
+        ("points", _L),
+        *((name, _P) for name in ("meeting", "rest", "joined_start", "joined")),
+        ("adjoint", _P),
         ("pulls", _P * 2),
         *((name, _P) for name in ("memory_adjoint", "edge_gradient", "scene_gradient")),
         *((name, _P) for name in ("inverse_mass_gradient", "factor_gradient")),
         *((name, _P) for name in ("restitution_gradient", "friction_gradient", "gravity_gradient")),
         ("held_gradient", _P),
     )
+
+
+_WORD = 8
+_WORDS = ctypes.sizeof(Frame) // _WORD
+_COLUMN = {name: getattr(Frame, name).offset // _WORD for name, *_ in Frame._fields_}
+"""Where each field of a frame is; all are of eight bytes."""
 
 
 @dataclass(frozen=True)
@@ -56,24 +67,31 @@ class Graphs:
     pieces: Pieces
     incidence: Incidence | None
 
-    def fill(self, frame: Frame, alive: list[object]) -> None:
-        """Write it into a frame; `alive` keeps what the pointers lead to."""
-        layout, pieces, incidence = self.layout, self.pieces, self.incidence
+    @cached_property
+    def frame(self) -> Frame:
+        """A frame with all of it, to be copied; what its pointers lead to lives as long as this."""
+        frame, layout, pieces, incidence = Frame(), self.layout, self.pieces, self.incidence
         frame.pieces, frame.piece_start = len(pieces.origin), pieces.start.data_ptr()
         frame.reach, frame.origin = pieces.reach.data_ptr(), pieces.origin.data_ptr()
-        frame.slices, frame.controllers = layout.slices, layout.controllers
+        frame.slices, frame.controllers, frame.points = layout.slices, layout.controllers, len(layout.row)
         for kind, slots in (("spring", layout.springs), ("controller", layout.held)):
             setattr(frame, f"{kind}_start", slots.start.data_ptr())
             setattr(frame, f"{kind}_offset", slots.offset.data_ptr())
             setattr(frame, f"{kind}_rows", slots.rows)
         if incidence is not None:
-            groups = (_L * len(incidence.laws))(*(law.rows for law in incidence.laws))
-            corners = (_P * len(incidence.laws))(*(law.offset.data_ptr() for law in incidence.laws))
-            alive += [groups, corners]
+            groups, corners = self._stencils
             frame.groups, frame.corners = ctypes.addressof(groups), ctypes.addressof(corners)
             frame.corner_row = incidence.corner_row.data_ptr()
             frame.incidence_start = incidence.points.start.data_ptr()
             frame.incidence_offset = incidence.points.offset.data_ptr()
+        return frame
+
+    @cached_property
+    def _stencils(self) -> tuple[ctypes.Array[ctypes.c_int64], ctypes.Array[ctypes.c_void_p]]:
+        """Eights of each law of stencils, and where its corners are."""
+        laws = () if self.incidence is None else self.incidence.laws
+        counts, places = (law.rows for law in laws), (law.offset.data_ptr() for law in laws)
+        return (_L * len(laws))(*counts), (_P * len(laws))(*places)
 
 
 @dataclass
@@ -86,16 +104,10 @@ class Buffers:
     """The same for fields that hold one pointer each per constant or variable."""
 
 
-def call(
-    library: ctypes.CDLL,
-    direction: str,
-    graph: Graphs,
-    interval: Interval,
-    buffers: Buffers,
-    whole: Mapping[str, int],
-    batch: int,
-) -> None:
-    """Run `forward` or `backward` of a kernel.
+class Call:
+    """A call of `forward` or `backward` of a kernel that may be made again and again.
+
+    It keeps all that its pointers lead to, and reads what is there when it is made.
 
     Args:
         library: The kernel.
@@ -106,31 +118,56 @@ def call(
         whole: `first`, `steps`, `ring` and `keep`.
         batch: Elements.
     """
-    threads = min(torch.get_num_threads(), batch if batch > 1 else len(graph.pieces.origin))
-    frames = (Frame * batch)()
-    alive: list[object] = []
-    first = frames[0]
-    graph.fill(first, alive)
-    first.dt, first.count, first.interval = interval.dt, interval.count, interval.seconds
-    for name, value in whole.items():
-        setattr(first, name, value)
-    for frame in frames[1:]:
-        ctypes.pointer(frame)[0] = first
-    for name, tensor in buffers.single.items():
-        if name != "pulls":
-            for frame, address in zip(frames, _addresses(tensor, batch), strict=True):
-                setattr(frame, name, address)
-    if "pulls" in buffers.single:
-        parts = [_addresses(part, batch) for part in buffers.single["pulls"]]
-        for frame, pair in zip(frames, zip(*parts, strict=True), strict=True):
-            frame.pulls = (_P * 2)(*pair)
-    for name, tensors in buffers.lists.items():
-        columns = [_addresses(tensor, batch) for tensor in tensors]
-        for index, frame in enumerate(frames):
-            pointers = (_P * max(1, len(columns)))(*(column[index] for column in columns))
-            alive.append(pointers)
-            setattr(frame, name, ctypes.addressof(pointers))
-    getattr(library, direction)(frames, ctypes.c_int(batch), ctypes.c_int(threads))
+
+    def __init__(
+        self,
+        library: ctypes.CDLL,
+        direction: str,
+        graph: Graphs,
+        interval: Interval,
+        buffers: Buffers,
+        whole: Mapping[str, int],
+        batch: int,
+    ) -> None:
+        """See the class."""
+        self._run = getattr(library, direction)
+        self._batch, self._most = batch, batch if batch > 1 else len(graph.pieces.origin)
+        self._frames = (Frame * batch)()
+        self._alive: list[object] = [graph, buffers]
+        self._frames[0] = graph.frame
+        first = self._frames[0]
+        first.dt, first.count, first.interval = interval.dt, interval.count, interval.seconds
+        for name, value in whole.items():
+            setattr(first, name, value)
+        self._point(buffers)
+
+    def __call__(self) -> None:
+        """Make it."""
+        threads = min(torch.get_num_threads(), self._most)
+        self._run(self._frames, ctypes.c_int(self._batch), ctypes.c_int(threads))
+
+    def _point(self, buffers: Buffers) -> None:
+        """Write where things are, of the first element and how much further on of each next one."""
+        words = (_L * _WORDS).from_buffer(self._frames)
+        steps = [0] * _WORDS
+        for name, tensor in buffers.single.items():
+            parts = tensor if name == "pulls" else (tensor,)
+            for column, part in enumerate(parts, _COLUMN[name]):
+                address, steps[column] = _where(part, self._batch)
+                words[column] = address
+        for name, tensors in buffers.lists.items():
+            places = [_where(tensor, self._batch) for tensor in tensors]
+            room = np.array([address for address, _ in places], np.int64)
+            if self._batch > 1:
+                room = room + np.arange(self._batch)[:, None] * np.array(
+                    [step for _, step in places], np.int64
+                )
+            self._alive.append(room)
+            words[_COLUMN[name]] = room.ctypes.data
+            steps[_COLUMN[name]] = _WORD * len(places)
+        if self._batch > 1:
+            table = np.frombuffer(memoryview(self._frames).cast("B"), np.int64).reshape(self._batch, -1)
+            table[:] = table[0] + np.arange(self._batch)[:, None] * np.array(steps)
 
 
 def state_rows(layout: Layout) -> int:
@@ -143,14 +180,12 @@ def point_rows(layout: Layout) -> int:
     return layout.slices * LANES
 
 
-def _addresses(tensor: Tensor | None, batch: int) -> Sequence[int | None]:
-    """Where each element of a batch begins; the same for all where they share it."""
+def _where(tensor: Tensor | None, batch: int) -> tuple[int, int]:
+    """Where the first element of a batch begins, and how many bytes further on each next one."""
     if tensor is None or not tensor.numel():
-        return [None] * batch
+        return 0, 0
     assert tensor.is_contiguous()
-    begin, size = tensor.data_ptr(), len(tensor)
-    if size == 1:
-        return [begin] * batch
-    assert size == batch
-    step = tensor.stride(0) * tensor.element_size()
-    return range(begin, begin + step * batch, step)
+    if len(tensor) == 1:
+        return tensor.data_ptr(), 0
+    assert len(tensor) == batch
+    return tensor.data_ptr(), tensor.stride(0) * tensor.element_size()

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from model.simulator.kernel.call import Buffers, Interval, call, point_rows
+from model.simulator.kernel.call import Buffers, Call, Interval, point_rows
 from model.simulator.kernel.groups import Acts
 from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.program import (
@@ -20,6 +20,7 @@ from model.simulator.kernel.program import (
     first_rows,
     histories,
     piece_rows,
+    point_rows_of,
     record,
     skip,
     storable,
@@ -85,10 +86,11 @@ class FrameFunction(torch.autograd.Function):
     def backward(ctx: Any, *bars: Tensor) -> tuple[Tensor | None, ...]:  # noqa: ANN401
         """Run the adjoint of the frame, from its end to its start."""
         task, inputs = ctx.task, ctx.saved_tensors
-        values, start = _held(task, inputs), _start(task, inputs)
+        values, history = _held(task, inputs), ctx.history
+        start = _start(task, inputs) if history is None else history.start
         adjoint = Adjoint(task, values, start, bars, ctx.needs_input_grad[1:])
-        if ctx.history is not None:
-            adjoint.through(ctx.history)
+        if history is not None:
+            adjoint.through(history)
         else:
             limit = storable(task.program, len(start.rows), start.rows)
             for piece in reversed(histories(task.program, task.interval, values, start, limit)):
@@ -125,8 +127,8 @@ class Adjoint:
         program, layout, like = task.program, task.program.layout, start.rows
         self._batch = len(start.rows)
         self._sizes = [len(NAMED), len(program.edges), len(program.scenes), len(program.memories)]
-        self._state = like.new_zeros(self._batch, point_rows(layout), LANES)
-        self._state[:, layout.row, :6] = torch.cat([bars[0], bars[1]], -1)
+        self._state = point_rows_of(program, bars[0], bars[1])
+        self._state[:, len(layout.row) :] = 0.0  # rows that only fill up
         self._pulls = like.new_zeros(2, self._batch, point_rows(layout), HALF)
         self._memories = [like.new_zeros(memory.shape) for memory in start.memories]
         for memory, bar, kind in zip(self._memories, bars[2:], program.memories, strict=True):
@@ -174,7 +176,7 @@ class Adjoint:
             },
         )
         whole = {"first": history.first, "steps": history.steps, "ring": history.steps + 1, "keep": 1}
-        call(program.library, "backward", program.graphs, self._task.interval, buffers, whole, self._batch)
+        Call(program.library, "backward", program.graphs, self._task.interval, buffers, whole, self._batch)()
 
     def gradients(self) -> list[Tensor | None]:
         """Of every input, in order; None where none is wanted."""

@@ -1,11 +1,12 @@
 """The fast path of a rollout: its terms as one compiled kernel."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
 from model.simulator.kernel.build import CannotBuild, load
@@ -13,9 +14,11 @@ from model.simulator.kernel.call import Buffers, Interval
 from model.simulator.kernel.emit import TYPES, kernel_source
 from model.simulator.kernel.function import NAMED, FrameFunction, Task
 from model.simulator.kernel.layout import cut, lay_out, lay_out_stencils
-from model.simulator.kernel.program import Program
+from model.simulator.kernel.meeting import meeting_buffers
+from model.simulator.kernel.program import Program, Repeated
 from model.simulator.kernel.slopes import Slopes
 from model.simulator.kernel.terms import Inexpressible, Terms
+from model.simulator.parameters import Values
 from model.simulator.system import Anchors, State
 
 
@@ -26,12 +29,19 @@ class Kernel:
         dynamics: The terms and their constants.
         integrator: How time advances.
         batch: Leading dimensions of the states that will come.
+        meeting: How the object meets itself, before it meets anything else; only in frames without gradients.
 
     Raises:
         Inexpressible: a term, the integrator or the device that no kernel knows, or no compiler; says which.
     """
 
-    def __init__(self, dynamics: Dynamics, integrator: Integrator, batch: torch.Size) -> None:
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        integrator: Integrator,
+        batch: torch.Size,
+        meeting: tuple[SelfCollision, Values] | None = None,
+    ) -> None:
         """See the class."""
         dtype, device = dynamics.mass.dtype, dynamics.mass.device.type
         if device != "cpu" or dtype not in TYPES:
@@ -55,7 +65,13 @@ class Kernel:
             self._packed = [
                 self._program.spread(v, k) for v, k in zip(terms.edges, terms.edge_acts, strict=True)
             ]
+        constants = [*terms.edges, *terms.scenes, *terms.point_values(1.0).values()]
+        constants += [] if meeting is None else meeting[1].values()
+        self._learned = any(value.requires_grad for value in constants)
+        layout = self._program.layout
+        self._meeting = {} if meeting is None else meeting_buffers(terms, layout, *meeting)
         self._timed = dict[float, tuple[dict[str, Tensor], Buffers]]()
+        self._ready: Repeated | None = None
 
     def advance(
         self, state: State, controls: tuple[Tensor, Tensor] | None, interval: Interval, keeps: bool
@@ -68,34 +84,36 @@ class Kernel:
             interval: Length and number of substeps.
             keeps: Keep every substep for the backward pass, instead of running the frame again there.
         """
-        shape = state.positions.shape
-        start = [
-            value.reshape(self._terms.count, *shape[-2:]) for value in (state.positions, state.velocities)
-        ]
+        shape, terms = state.positions.shape, self._terms
         none = state.positions.new_zeros(1, 0, 3)
-        held = (none, none) if controls is None else tuple(self._terms.flat(c.flatten(-2)) for c in controls)
-        memories = [
-            self._terms.flat(state.memory[f"{term}.{name}"]).expand(self._terms.count, -1)
-            for term, name in self._terms.memory
-        ]
+        held = (none, none) if controls is None else tuple(self._places(c) for c in controls)
+        places = [value.reshape(terms.count, *shape[-2:]) for value in (state.positions, state.velocities)]
+        memories = [terms.flat(state.memory[f"{term}.{name}"]) for term, name in terms.memory]
         given, values = self._at(interval.dt)
-        task = Task(self._program, values, interval, keeps)
-        ended = FrameFunction.apply(  # type: ignore[no-untyped-call]
-            task,
-            *(value.contiguous() for value in start),
-            *(h.reshape(len(h), -1, 3).expand(self._terms.count, -1, -1) for h in held),
-            *(given[name] for name in NAMED[4:]),
-            *self._terms.edges,
-            *self._terms.scenes,
-            *memories,
-        )
+        inputs = dict(zip(NAMED, (*places, *held), strict=False)) | given
+        ended: Sequence[Tensor]
+        if self.differentiates(*inputs.values(), *memories):
+            task = Task(self._program, values, interval, keeps)
+            whole = [inputs[name].contiguous() for name in NAMED[:2]]
+            whole += [inputs[name].expand(terms.count, -1, -1) for name in NAMED[2:4]]
+            whole += [inputs[name] for name in NAMED[4:]]
+            remembered = [memory.expand(terms.count, -1) for memory in memories]
+            ended = FrameFunction.apply(task, *whole, *terms.edges, *terms.scenes, *remembered)  # type: ignore[no-untyped-call]
+        else:
+            ended = self._repeated(interval, values)(inputs, memories)
         after = {
-            f"{term}.{name}": value.reshape(*self._terms.batch, -1)
-            for (term, name), value in zip(self._terms.memory, ended[2:], strict=True)
+            f"{term}.{name}": value.reshape(*terms.batch, -1)
+            for (term, name), value in zip(terms.memory, ended[2:], strict=True)
         }
         return replace(
             state, positions=ended[0].reshape(shape), velocities=ended[1].reshape(shape), memory=after
         )
+
+    def differentiates(self, *inputs: Tensor) -> bool:
+        """Whether gradients flow from a frame: to some of its inputs, or to a constant."""
+        if not torch.is_grad_enabled():
+            return False
+        return self._learned or any(value.requires_grad for value in inputs)
 
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes | None:
         """Products with the transposed Jacobian of the accelerations at a state [m, m/s], [*b, N, 3].
@@ -106,10 +124,22 @@ class Kernel:
             return None
         flat = [value.reshape(self._terms.count, -1, 3) for value in (state.positions, state.velocities)]
         if anchors is not None:
-            held = [self._terms.flat(a.flatten(-2)) for a in (anchors.positions, anchors.velocities)]
-            anchors = Anchors(*(h.reshape(len(h), -1, 3) for h in held))
+            anchors = Anchors(self._places(anchors.positions), self._places(anchors.velocities))
         _, values = self._at(1.0)
         return Slopes(self._program, values, State(flat[0], flat[1]), anchors)
+
+    def _repeated(self, interval: Interval, values: Buffers) -> Repeated:
+        """What makes frames of this length; most are as long as the last one was."""
+        if self._ready is None or self._ready.interval != interval:
+            like = self._terms.dynamics.mass
+            whole = Buffers({**values.single, **self._meeting}, values.lists)
+            self._ready = Repeated(self._program, interval, whole, self._terms.count, like)
+        return self._ready
+
+    def _places(self, points: Tensor) -> Tensor:
+        """[*b, n, 3] as [B, n, 3], or as [1, n, 3] where the batch shares them."""
+        flat = self._terms.flat(points.flatten(-2))
+        return flat.reshape(len(flat), -1, 3)
 
     def _at(self, dt: float) -> tuple[dict[str, Tensor], Buffers]:
         """The values of points for substeps of `dt` [s], and all constants as the kernel reads them."""

@@ -70,11 +70,32 @@ class Pieces:
     """Slices that have room in the sums of all pieces."""
 
 
-@lru_cache(maxsize=16)
+@dataclass(frozen=True)
+class Ends:
+    """Which nodes each edge joins, as what a cache looks up: worlds of the same graph are laid out once."""
+
+    first: bytes
+    second: bytes
+    points: int
+    nodes: int
+    springs: int
+
+    @classmethod
+    def of(cls, edges: Edges) -> "Ends":
+        """Of a graph."""
+        first, second = (ends.cpu().numpy().tobytes() for ends in (edges.first, edges.second))
+        return cls(first, second, edges.point_count, edges.node_count, edges.spring_count)
+
+
 def lay_out(edges: Edges) -> Layout:
     """Order the points so that neighbours are near, and give every edge its slot."""
-    first, second = edges.first.cpu().numpy(), edges.second.cpu().numpy()
-    count, springs = edges.point_count, edges.spring_count
+    return _laid_out(Ends.of(edges))
+
+
+@lru_cache(maxsize=16)
+def _laid_out(ends: Ends) -> Layout:
+    first, second = (np.frombuffer(nodes, np.int64) for nodes in (ends.first, ends.second))
+    count, springs = ends.points, ends.springs
     pairs = np.stack([first[:springs], second[:springs]])
     order = near(pairs, count)
     row = np.empty(count, np.int64)
@@ -82,33 +103,37 @@ def lay_out(edges: Edges) -> Layout:
     slices = -(-count // LANES)
     point = np.zeros(slices * LANES, np.int64)
     point[row] = np.arange(count)
-    owner, ends = owners(row[pairs], count), np.arange(springs)
+    owner, each = owners(row[pairs], count), np.arange(springs)
     controller = second[springs:] - count
     return Layout(
         slices,
-        edges.node_count - count,
+        ends.nodes - count,
         torch.from_numpy(row),
         torch.from_numpy(point),
         torch.from_numpy(controller),
-        _slots(row[pairs[owner, ends]], row[pairs[1 - owner, ends]], slices),
+        _slots(row[pairs[owner, each]], row[pairs[1 - owner, each]], slices),
         _slots(row[first[springs:]], controller + slices * LANES, slices),
     )
 
 
-@lru_cache(maxsize=16)
 def cut(edges: Edges) -> Pieces:
     """Cut the slices in pieces. How many does not depend on the machine, so sums do not either."""
-    layout = lay_out(edges)
+    return _cut(Ends.of(edges), PIECE)
+
+
+@lru_cache(maxsize=16)
+def _cut(ends: Ends, piece: int) -> Pieces:
+    layout = _laid_out(ends)
     springs = layout.springs
-    count = max(1, isqrt(springs.rows // PIECE))
+    count = max(1, isqrt(springs.rows // piece))
     work = (springs.start[1:] + layout.held.start[1:]).numpy() + np.arange(1, layout.slices + 1)
     start = np.searchsorted(work, work[-1] * np.arange(count + 1) / count).astype(np.int64)
     start[0], start[-1] = 0, layout.slices
     seen = springs.offset.numpy().reshape(-1, LANES) // (LANES * LANES)
     reach = np.empty((count, 2), np.int64)
-    for piece, (begin, end) in enumerate(pairwise(start)):
+    for number, (begin, end) in enumerate(pairwise(start)):
         there = seen[springs.start[begin] : springs.start[end]]
-        reach[piece] = min(begin, there.min(initial=begin)), max(end, there.max(initial=begin) + 1)
+        reach[number] = min(begin, there.min(initial=begin)), max(end, there.max(initial=begin) + 1)
     sizes = reach[:, 1] - reach[:, 0]
     origin = np.cumsum(sizes) - sizes - reach[:, 0]
     return Pieces(
@@ -130,15 +155,20 @@ class Incidence:
     """Per point: the rows of the corners that it is."""
 
 
-@lru_cache(maxsize=16)
 def lay_out_stencils(edges: Edges, forces: tuple[StencilForce, ...]) -> Incidence:
     """The corners of all stencils, in eights: the first corners of eight stencils, then their second, ..."""
-    layout = lay_out(edges)
+    groups = tuple((force.stencils.cpu().numpy().tobytes(), force.size) for force in forces)
+    return _laid_out_stencils(Ends.of(edges), groups)
+
+
+@lru_cache(maxsize=16)
+def _laid_out_stencils(ends: Ends, forces: tuple[tuple[bytes, int], ...]) -> Incidence:
+    layout = _laid_out(ends)
     row = layout.row.numpy()
     laws, begins, own, other, begin = list[Slots](), list[int](), list[np.ndarray](), list[np.ndarray](), 0
-    for force in forces:
-        stencils = row[force.stencils.cpu().numpy()]
-        count, size = stencils.shape
+    for indices, size in forces:
+        stencils = row[np.frombuffer(indices, np.int64).reshape(-1, size)]
+        count = len(stencils)
         groups = -(-count // LANES)
         of = np.minimum(np.arange(groups * LANES), count - 1)
         offset = stencils[of].reshape(groups, LANES, size).transpose(0, 2, 1).reshape(-1) * LANES

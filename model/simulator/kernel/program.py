@@ -1,12 +1,14 @@
 """A compiled kernel with the graph it runs on, and its runs over a stretch of substeps."""
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
+import torch
 from torch import Tensor
 
-from model.simulator.kernel.call import Buffers, Graphs, Interval, call, state_rows
+from model.simulator.kernel.call import Buffers, Call, Graphs, Interval, state_rows
 from model.simulator.kernel.groups import Acts, Kind
 from model.simulator.kernel.layout import LANES, Incidence, Layout, Pieces, Slots
 
@@ -39,7 +41,7 @@ class Program:
             return self.incidence.laws[kind]
         return self.layout.springs if kind == "springs" else self.layout.held
 
-    @property
+    @cached_property
     def graphs(self) -> Graphs:
         """What is joined to what."""
         return Graphs(self.layout, self.pieces, self.incidence)
@@ -72,14 +74,25 @@ class History:
     memories: tuple[Tensor, ...]
     """[B, steps + 1, slots]."""
 
+    @property
+    def start(self) -> Stretch:
+        """What it began with."""
+        return Stretch(
+            self.first, self.steps, self.rows[:, 0], tuple(memory[:, 0] for memory in self.memories)
+        )
+
 
 def first_rows(program: Program, positions: Tensor, velocities: Tensor) -> Tensor:
     """The rows of a state [B, N, 3]; those of controllers are the kernel's to fill."""
     rows = positions.new_zeros(len(positions), state_rows(program.layout), LANES)
-    points = program.layout.point
-    rows[:, : len(points), :3] = positions.index_select(1, points)
-    rows[:, : len(points), 3:6] = velocities.index_select(1, points)
+    rows[:, : len(program.layout.point)] = point_rows_of(program, positions, velocities)
     return rows
+
+
+def point_rows_of(program: Program, positions: Tensor, velocities: Tensor) -> Tensor:
+    """The rows of points alone, [B, r, 8]."""
+    nothing = positions.new_zeros(*positions.shape[:-1], LANES - 6)
+    return torch.cat([positions, velocities, nothing], -1).index_select(1, program.layout.point)
 
 
 def record(program: Program, interval: Interval, values: Buffers, start: Stretch) -> History:
@@ -87,7 +100,7 @@ def record(program: Program, interval: Interval, values: Buffers, start: Stretch
     rows = _room(start.rows, start.steps + 1)
     memories = tuple(_room(memory, start.steps + 1) for memory in start.memories)
     whole = {"first": start.first, "steps": start.steps, "ring": start.steps + 1, "keep": 1}
-    _forward(program, interval, values, rows, memories, whole)
+    _forward(program, interval, values, rows, memories, whole)()
     return History(start.first, start.steps, rows, memories)
 
 
@@ -96,8 +109,58 @@ def skip(program: Program, interval: Interval, values: Buffers, start: Stretch) 
     rows = _room(start.rows, 2)
     memories = tuple(memory.clone() for memory in start.memories)
     whole = {"first": start.first, "steps": start.steps, "ring": 2, "keep": 0}
-    _forward(program, interval, values, rows, memories, whole)
+    _forward(program, interval, values, rows, memories, whole)()
     return Stretch(start.first + start.steps, 0, rows[:, start.steps % 2], memories)
+
+
+class Repeated:
+    """Frames of one length without gradients: one call, and room that all of them use.
+
+    Args:
+        program: What runs.
+        interval: Length and number of substeps.
+        values: The constants; controllers are given with each frame.
+        batch: Elements.
+        like: A tensor of the number type.
+    """
+
+    def __init__(
+        self, program: Program, interval: Interval, values: Buffers, batch: int, like: Tensor
+    ) -> None:
+        """See the class."""
+        self._program, self.interval = program, interval
+        layout = program.layout
+        self._rows = like.new_zeros(batch, 2, state_rows(layout), LANES)
+        self._held = {name: like.new_zeros(batch, layout.controllers, 3) for name in ("before", "after")}
+        self._memories = [
+            like.new_zeros(batch, program.slots(kind).rows * LANES) for kind in program.memories
+        ]
+        whole = {"first": 0, "steps": interval.count, "ring": 2, "keep": 0}
+        held = Buffers({**values.single, **self._held}, values.lists)
+        self._call = _forward(program, interval, held, self._rows, self._memories, whole)
+
+    def __call__(self, inputs: Mapping[str, Tensor], memories: Sequence[Tensor]) -> list[Tensor]:
+        """Places, velocities and memories one frame on.
+
+        Args:
+            inputs: `positions`, `velocities` [B, N, 3]; `before`, `after` [1 or B, C, 3].
+            memories: [1 or B, e].
+        """
+        layout = self._program.layout
+        self._rows[:, 0, : len(layout.point)] = point_rows_of(
+            self._program, inputs["positions"], inputs["velocities"]
+        )
+        for name, room in self._held.items():
+            room.copy_(inputs[name])
+        for room, memory, kind in zip(self._memories, memories, self._program.memories, strict=True):
+            room.copy_(self._program.spread(memory, kind))
+        self._call()
+        state = self._rows[:, self.interval.count % 2].index_select(1, layout.row)
+        after = [
+            memory.index_select(1, self._program.slots(kind).place)
+            for memory, kind in zip(self._memories, self._program.memories, strict=True)
+        ]
+        return [state[..., :3].contiguous(), state[..., 3:6].contiguous(), *after]
 
 
 def storable(program: Program, batch: int, like: Tensor) -> int:
@@ -137,7 +200,7 @@ def _forward(
     rows: Tensor,
     memories: Sequence[Tensor],
     whole: dict[str, int],
-) -> None:
+) -> Call:
     nothing = [None] * len(program.edges), [None] * len(program.scenes)
     buffers = Buffers(
         {
@@ -154,7 +217,7 @@ def _forward(
             "scene_gradient": nothing[1],
         },
     )
-    call(program.library, "forward", program.graphs, interval, buffers, whole, len(rows))
+    return Call(program.library, "forward", program.graphs, interval, buffers, whole, len(rows))
 
 
 def piece_rows(program: Program, like: Tensor, width: int) -> Tensor:

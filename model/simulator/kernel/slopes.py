@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from model.simulator.kernel.call import Buffers, Interval, call, point_rows, state_rows
+from model.simulator.kernel.call import Buffers, Call, Interval, point_rows, state_rows
 from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.program import HALF, Program, corner_rows, first_rows, piece_rows
 from model.simulator.system import Anchors, State
@@ -44,7 +43,9 @@ class Slopes:
             "edge_gradient": [None] * len(program.edges),
             "scene_gradient": [None] * len(program.scenes),
         }
-        self._buffers = Buffers(single, {**values.lists, **lists})
+        whole = {"first": 0, "steps": 1, "ring": 2, "keep": 1}
+        buffers = Buffers(single, {**values.lists, **lists})
+        self._call = Call(program.library, "backward", program.graphs, UNIT, buffers, whole, count)
 
     def __call__(
         self, vector: Float[Tensor, "*b N 3"]
@@ -52,9 +53,9 @@ class Slopes:
         """(∂a/∂x)ᵀu and (∂a/∂v)ᵀu of u = `vector`, with a the accelerations [m/s²]."""
         layout, count = self._program.layout, len(self._adjoint)
         self._adjoint.zero_()
-        self._adjoint[:, layout.row, 3:6] = vector.reshape(count, -1, 3)
-        whole = {"first": 0, "steps": 1, "ring": 2, "keep": 1}
-        call(self._program.library, "backward", self._program.graphs, UNIT, self._buffers, whole, count)
+        # rows that only fill up hear of point 0 what they pass on to nobody
+        self._adjoint[:, :, 3:6] = vector.reshape(count, -1, 3).index_select(1, layout.point)
+        self._call()
         back = self._adjoint.index_select(1, layout.row)
         by_place, by_velocity = back[..., :3].reshape(vector.shape), back[..., 3:6].reshape(vector.shape)
-        return by_place, torch.sub(by_velocity, vector)
+        return by_place, by_velocity - vector

@@ -25,6 +25,11 @@ struct Frame {
   const R *const *edge;                                      // constants of the laws, per slot
   const R *scene;                                            // constants of the laws, one value each
   R *const *memory;                                          // per slot: [ring or 1][slot rows][W]
+  int64_t points;                                            // rows that are points
+  const R *meeting;                                          // square of the distance, restitution, friction; or null
+  const R *rest;                                             // [point][3]: who is near there never meets
+  const int64_t *joined_start;                               // [points + 1]
+  const int32_t *joined;                                     // points that each is joined to and that come later
   // the adjoint
   R *adjoint;                                                // [point][8]: of the state, in and out; the rest zero
   R *pulls[2];                                               // [point][4]: of the net force

@@ -36,7 +36,7 @@ struct Team {
 // One parallel region for all substeps: a batch by elements, one element by all threads together.
 template <class Work>
 static void share_out(const Frame *frames, int batch, int threads, Work work) {
-  Team together(batch > 1 ? 1 : threads, 3 * frames[0].steps + 1);
+  Team together(batch > 1 ? 1 : threads, 5 * frames[0].steps + 1);
 #pragma omp parallel num_threads(threads)
   {
     const int thread = omp_get_thread_num();

@@ -2,6 +2,7 @@
 //
 // Before this text come `typedef … R;` and `typedef … N;`, the number and the whole number of the same size, and
 // the macros SINGLE, GROUND, SPRINGS, CONTROLLERS and STENCILS.
+#include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <cstdint>

@@ -123,8 +123,6 @@ def test_kernel_and_oracle_agree(kind, block):
 @every_effect
 def test_many_values_at_once_are_as_one_by_one(kind, block):
     effect = kind()
-    if kind.name == "self_collision":  # its distance is a choice, one at a time
-        return
     first, second = absent(effect), {name: value.detach() for name, value in strong(effect).items()}
     both = {name: torch.stack([first[name], second[name]]).unsqueeze(-1) for name in first}
     with torch.no_grad():

@@ -64,7 +64,7 @@ def test_rows_are_a_permutation_of_the_points(edges):
 
 def test_pieces_are_about_equal_and_have_room_for_all_that_they_join(edges, monkeypatch):
     monkeypatch.setattr(layout_module, "PIECE", 5)
-    layout, pieces = lay_out(edges), cut.__wrapped__(edges)
+    layout, pieces = lay_out(edges), cut(edges)
     start, reach = pieces.start.tolist(), pieces.reach.tolist()
     work = np.diff(layout.springs.start.numpy()[start])
     assert len(work) > 2
@@ -80,5 +80,9 @@ def test_pieces_are_about_equal_and_have_room_for_all_that_they_join(edges, monk
     assert used == list(range(pieces.room))
 
 
-def test_a_graph_is_laid_out_once(edges):
-    assert lay_out(edges) is lay_out(edges)
+def test_a_graph_is_laid_out_once_however_often_it_is_made(edges):
+    springs = torch.stack([edges.first, edges.second], 1)[: edges.spring_count]
+    held = torch.tensor([[0, 3], [1, 3], [1, 90]])
+    assert lay_out(Edges(springs, held, 101, 2)) is lay_out(edges)
+    assert lay_out(Edges(springs.flip(1), held, 101, 2)) is not lay_out(edges)
+    assert lay_out(Edges(springs, held, 101, 3)) is not lay_out(edges)
