@@ -132,9 +132,9 @@ def point_colors(twin: "TwinBundle") -> Float64[Array, "N 3"]:
 
 
 def point_radius(points: Float64[Array, "N 3"]) -> float:
-    """Half the usual distance to the nearest neighbour [m]: such balls fill the object."""
+    """Half the usual distance to the third neighbour [m]: such balls fill the object."""
     from scipy.spatial import cKDTree
 
     if len(points) < 2:
         return 0.01
-    return float(0.5 * np.median(cKDTree(points).query(points, 2)[0][:, 1])) or 0.01
+    return float(0.5 * np.median(cKDTree(points).query(points, min(4, len(points)))[0][:, -1])) or 0.01
