@@ -36,6 +36,6 @@ def view(
     with collect_doubts() as doubts:
         playground = open_playground(twin, host, port, compare, report, observation)
     warn(doubts)
-    click.echo(f"{playground.url} (end with Ctrl-C)")
-    with contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt), contextlib.closing(playground):
+        click.echo(f"{playground.url} (end with Ctrl-C)")
         playground.run()

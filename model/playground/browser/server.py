@@ -45,6 +45,7 @@ class Playground:
         self.url = f"http://{'localhost' if host in ('0.0.0.0', '::') else host}:{port}"
         self._stop = threading.Event()
         self._failure: BaseException | None = None
+        self._open = True
         recording = Recording(session.interval)
         self.scene = Scene(self.server, session, colors)
         self._panel = Panel(self.server, session, self.scene, recording, name)
@@ -63,14 +64,21 @@ class Playground:
         finally:
             self.stop()
             mover.join()
-            with contextlib.redirect_stdout(io.StringIO()):  # it says so
-                self.server.stop()
+            self.close()
         if self._failure is not None:
             raise self._failure
 
     def stop(self) -> None:
         """Let `run` return."""
         self._stop.set()
+
+    def close(self) -> None:
+        """Listen no longer."""
+        self.stop()
+        if self._open:
+            self._open = False
+            with contextlib.redirect_stdout(io.StringIO()):  # it says so
+                self.server.stop()
 
     def _move(self) -> None:
         try:
