@@ -96,12 +96,13 @@ def jackknife(
     """Covariance of a least-squares estimate from what it would be without each block in turn.
 
     It needs no model of the noise: blocks are only taken to be independent of each other. With few blocks it
-    errs on the wide side, where a sandwich of the same blocks errs on the narrow one.
+    errs on the wide side, where a sandwich of the same blocks errs on the narrow one. What is believed
+    beforehand counts as one more observation: what no block speaks of is known no better than that.
 
     Args:
         normals: Jᵀ J of each block.
         slopes: Jᵀ r of each block, at the estimate.
-        prior: What is added to the sum of the normals.
+        prior: Inverse covariance of what is believed beforehand, which was fitted along.
 
     Reference:
         MacKinnon, Nielsen and Webb (2023), Cluster-robust inference: a guide to empirical practice,
@@ -111,7 +112,8 @@ def jackknife(
     whole, total = normals.sum(0) + prior, slopes.sum(0)
     moved = np.stack([-np.linalg.solve(whole - n, total - s) for n, s in zip(normals, slopes, strict=True)])
     apart = moved - moved.mean(0)
-    covariance: Float64[Array, "d d"] = (count - 1) / count * apart.T @ apart
+    inverse = np.linalg.inv(whole)
+    covariance: Float64[Array, "d d"] = (count - 1) / count * apart.T @ apart + inverse @ prior @ inverse
     return covariance
 
 

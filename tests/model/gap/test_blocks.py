@@ -99,3 +99,12 @@ def test_a_jackknife_covers_where_residuals_are_taken_for_independent_it_does_no
 def test_the_middle_holds_95_percent(rng):
     low, high = middle95(rng.normal(size=20000))
     assert (low, high) == pytest.approx((-1.96, 1.96), abs=0.06)
+
+
+def test_what_no_block_speaks_of_is_known_as_well_as_before(rng):
+    jacobian = np.stack([rng.normal(size=60), np.zeros(60)], 1)
+    parts = [(jacobian[b::6], rng.normal(size=10)) for b in range(6)]
+    normals, slopes = np.stack([j.T @ j for j, _ in parts]), np.stack([j.T @ r for j, r in parts])
+    spread = jackknife(normals, slopes, np.eye(2) / 9.0)
+    assert spread[1, 1] == pytest.approx(9.0)
+    assert spread[0, 0] < 0.2

@@ -1,0 +1,24 @@
+"""What any missing physics could explain: the refitted twin with a flexible residual force."""
+
+from dataclasses import replace
+
+from model.gap.confirm import Fitted, fitted
+from model.gap.residual_force import RESIDUAL
+from model.gap.study import Study
+
+
+def ceiling(study: Study, plain: Fitted) -> Fitted:
+    """Fit the flexible force, and the twin's parameters with it, to the frames that all fits see.
+
+    It starts from the refitted twin without any such force, so that it explains those frames at least as
+    well. What it has learned may still not hold later: `closure` then reports the refitted twin's error.
+
+    Args:
+        study: The plain twin's first fit.
+        plain: From `confirm.refit`.
+    """
+    able = tuple(effect for effect in (kind() for kind in RESIDUAL) if effect.unable(plain.world) is None)
+    hypothesis = replace(study.plain, effects=able)
+    silent = {name: quantity.start for name, quantity in hypothesis.quantities.items()}
+    start = study.misfit.of(hypothesis).coordinates.vector({**silent, **plain.estimate.values})
+    return fitted(study, hypothesis, start)

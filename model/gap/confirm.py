@@ -1,0 +1,196 @@
+"""Fit a twin with effects as long as the plain one is fitted, and judge both by what no fit has seen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.stats import t as student
+
+from model.gap.blocks import block_length, blocks_of, correlation_time, independent_share, jackknife
+from model.gap.effects.base import Effect, Field
+from model.gap.estimate import LOOSE, Coordinates, Estimate, Misfit, estimate
+from model.gap.forecast import Forecast, forecast
+from model.gap.hypothesis import Hypothesis
+from model.gap.study import STEPS, Study
+from model.gap.world import World
+from model.types import Array
+
+STRENGTHS = (1.0, 0.25, 4.0, 0.03)
+"""Of what an effect starts from: a screen knows its size roughly."""
+FREEDOM = 4.0
+"""Degrees of freedom of the innovations' distribution: its tails are those of a few lost points."""
+EDGE = 0.01
+"""A value is at its bound within this share of the way between its bounds."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A twin, with or without effects, and what it foretells."""
+
+    misfit: Misfit
+    estimate: Estimate
+    foretold: Forecast
+    """Of the frames that no fit has seen."""
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Whose quantities were fitted."""
+        return self.misfit.hypothesis
+
+    @property
+    def world(self) -> World:
+        """With the fitted values."""
+        return self.hypothesis.at(self.estimate.values)
+
+
+@dataclass(frozen=True)
+class Confirmed(Fitted):
+    """A twin with effects, compared with the plain one."""
+
+    evidence: float
+    """Log-score of the held-out frames over that of the refitted plain twin [nats]."""
+    intervals: dict[str, tuple[float, float]]
+    """95 % intervals of the effects' quantities, by `effect.quantity`."""
+    at_bound: tuple[str, ...]
+    """Quantities of the effects that the fit drove to a bound: absurdly much of it, or nothing at all."""
+
+
+def refit(study: Study) -> Fitted:
+    """The plain twin after another round of steps from its own best fit.
+
+    Every effect gets such a round on top of the same fit. Without one of its own the plain twin would lose to
+    whatever is merely optimised for longer.
+    """
+    return fitted(study, study.plain, study.base.vector)
+
+
+def confirm(
+    study: Study,
+    plain: Fitted,
+    effects: tuple[Effect, ...],
+    start_values: Mapping[str, float],
+    where: Field | None = None,
+) -> Confirmed:
+    """Fit the twin's own parameters and those of effects together.
+
+    Args:
+        study: The plain twin's first fit, from which this one starts.
+        plain: What `refit` made of it: the one to be beaten.
+        effects: One, or two that are at work together.
+        start_values: By `effect.quantity`; those that are not given start where their effect says.
+        where: How strongly they act on each mass point, 0..1; None: on all alike.
+    """
+    hypothesis = replace(study.plain, effects=effects, where=where)
+    found = fitted(study, hypothesis, _start(study, study.misfit.of(hypothesis), start_values))
+    own = [name for name in found.estimate.values if name not in study.plain.quantities]
+    return Confirmed(
+        found.misfit,
+        found.estimate,
+        found.foretold,
+        evidence(study, plain.foretold, found.foretold),
+        intervals(study, found, own),
+        at_bound(found, own),
+    )
+
+
+def fitted(study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"]) -> Fitted:
+    """From a start near a fitted plain twin, over all frames at once, in as many steps as any fit gets.
+
+    Growing horizons are for who starts far away: from here they lead astray as often as they help, and the
+    fit would no longer be sure to end at least as well as it began.
+    """
+    misfit = study.misfit.of(hypothesis)
+    found = estimate(misfit, start[None], STEPS, study.split)
+    return Fitted(misfit, found, forecast(study.observer, hypothesis.at(found.values), study.split))
+
+
+def _start(study: Study, misfit: Misfit, start_values: Mapping[str, float]) -> Float64[Array, " d"]:
+    """The strengths of the effects that would leave least, were the plain twin's parameters to follow."""
+    hypothesis = misfit.hypothesis
+    usual = {name: quantity.start for name, quantity in hypothesis.quantities.items()}
+    first = {**usual, **study.base.values, **start_values}
+    strengths = [[f"{effect.name}.{name}" for name in effect.absent] for effect in hypothesis.effects]
+    starts = []
+    for factors in product(STRENGTHS, repeat=len(strengths)):
+        scaled = {name: by * first[name] for by, own in zip(factors, strengths, strict=True) for name in own}
+        starts.append(misfit.coordinates.vector({**first, **scaled}))
+    left = misfit(np.stack(starts))
+    jacobian = study.base.jacobian
+    believed = np.eye(jacobian.shape[1]) / LOOSE**2
+    slopes = left @ jacobian
+    explained = (slopes * np.linalg.solve(jacobian.T @ jacobian + believed, slopes.T).T).sum(1)
+    return starts[int(((left**2).sum(1) - explained).argmin())]
+
+
+def evidence(study: Study, plain: Forecast, other: Forecast) -> float:
+    """By how many nats one forecast of the held-out frames is likelier than another.
+
+    Innovations of the observer are scored by a Student distribution, its scale taken from the frames that the
+    fit saw. They hang together in time and among points, so the sum counts only for the share of them that
+    is independent: of the innovations that are smaller over the frames that the fit saw.
+
+    Reference:
+        Gneiting and Raftery (2007), Strictly proper scoring rules, prediction, and estimation, Journal of the
+        American statistical association 102, section 4.1 (the logarithmic score).
+    """
+    seen = study.observer.seen.numpy()
+    past, held = slice(1, study.split), slice(study.split, None)
+    scales = [_scale(one.innovations[past][seen[past]]) for one in (plain, other)]
+    scores = [
+        _log_score(one.innovations[held][seen[held]], scale)
+        for one, scale in zip((plain, other), scales, strict=True)
+    ]
+    calmer = plain if scales[0] <= scales[1] else other
+    return (scores[1] - scores[0]) * independent_share(calmer.innovations[past], seen[past])
+
+
+def _log_score(errors: Float64[Array, "m 3"], scale: float) -> float:
+    return float(student.logpdf(errors, FREEDOM, scale=scale).sum())
+
+
+def _scale(errors: Float64[Array, "m 3"]) -> float:
+    """Of the Student distribution that fits errors [m] best."""
+    square, power = errors**2, max(float((errors**2).mean()), 1e-12)
+    for _ in range(30):
+        power = float(((FREEDOM + 1.0) * square / (FREEDOM + square / power)).mean())
+    return float(np.sqrt(power))
+
+
+def intervals(study: Study, fitted: Fitted, names: list[str]) -> dict[str, tuple[float, float]]:
+    """95 % intervals of fitted quantities: a jackknife over blocks of time of the linearised fit.
+
+    Blocks are about as long as residuals remember, so that what the model cannot express widens the intervals
+    like noise does. What is wrong alike at all times, as another lattice, they do not know of.
+    """
+    found, frames = fitted.estimate, study.frame_of_residuals()
+    field = study.residuals(found)
+    length = block_length(study.split - 1, round(2.0 * correlation_time(field, study.seen)))
+    block = blocks_of(frames, length)
+    parts = [(found.jacobian[block == b], found.residuals[block == b]) for b in range(block.max() + 1)]
+    normals = np.stack([jacobian.T @ jacobian for jacobian, _ in parts])
+    slopes = np.stack([jacobian.T @ residuals for jacobian, residuals in parts])
+    believed = np.eye(len(found.vector)) / LOOSE**2
+    spread = np.sqrt(np.diag(jackknife(normals, slopes, believed)))
+    reach = float(student.ppf(0.975, len(parts) - 1)) * spread
+    coordinates = fitted.misfit.coordinates
+    low, high = (_within(coordinates, found.vector + sign * reach) for sign in (-1.0, 1.0))
+    return {name: (low[name], high[name]) for name in names}
+
+
+def _within(coordinates: Coordinates, vector: Float64[Array, " d"]) -> dict[str, float]:
+    return coordinates.values(np.clip(vector, *coordinates.bounds))
+
+
+def at_bound(fitted: Fitted, names: list[str]) -> tuple[str, ...]:
+    """Which of these quantities ended at a bound."""
+    low, high = fitted.misfit.coordinates.bounds
+    margin = EDGE * (high - low)
+    vector = fitted.estimate.vector
+    ended = (vector < low + margin) | (vector > high - margin)
+    return tuple(
+        name
+        for name, is_there in zip(fitted.misfit.coordinates.names, ended, strict=True)
+        if is_there and name in names
+    )

@@ -1,0 +1,114 @@
+"""How well a world foretells what was seen: it is led up to a frame, and then runs free."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float64
+
+from model.gap.observer import Observer
+from model.gap.world import World
+from model.simulator.divergence import SimulationDiverged
+from model.simulator.system import State
+from model.types import Array
+
+WINDOW = 0.7
+"""Free runs last about as long [s]. Soft bodies that swing are nearly chaotic: after seconds of running free
+a small error of the start is as large as any missing physics, and wrong twins cannot be told apart."""
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a world foretold of F frames, the last of T."""
+
+    first: int
+    """The first of these frames."""
+    points: Float64[Array, "F N 3"]
+    """Where the points were expected by free runs [m]; NaN where a run was lost."""
+    distance: Float64[Array, "F N"]
+    """How far from there they were seen [m]; NaN where they were not."""
+    innovations: Float64[Array, "T N 3"]
+    """Of the led run over all frames, one frame ahead: expected less seen [m]; zero where not seen."""
+
+    @property
+    def error(self) -> float:
+        """Mean distance of visible points [m]."""
+        return float(np.nanmean(self.distance))
+
+    @property
+    def of_frames(self) -> Float64[Array, " F"]:
+        """Mean distance of visible points per frame [m]; NaN where nothing is seen."""
+        counts = np.isfinite(self.distance).sum(1)
+        mean: Float64[Array, " F"] = np.nansum(self.distance, 1) / np.where(counts, counts, np.nan)
+        return mean
+
+
+def windows(times: Float64[Array, " T"], first: int) -> list[int]:
+    """Last frames that are looked at before free runs, which cover the frames from `first` on, each once."""
+    start = first - 1
+    count = max(1, round(float(times[-1] - times[start]) / WINDOW))
+    begins = np.linspace(times[start], times[-1], count + 1)[:-1]
+    return sorted({int(np.abs(times[start:-1] - begin).argmin()) + start for begin in begins})
+
+
+def forecast(observer: Observer, world: World, first: int, state: State | None = None) -> Forecast:
+    """Lead a world through all frames, and let it run free over windows from `first` on.
+
+    Each window starts in the state that the observer has come to, with nothing seen after that; parameters
+    are as given throughout.
+
+    Args:
+        observer: Of the observation.
+        world: One world.
+        first: Frame from which to foretell, at least 1.
+        state: At frame 0; None: at rest.
+    """
+    starts = windows(world.times, first)
+    total, last = len(world.times), len(world.times) - 1
+    seen = observer.seen.numpy()
+    expected = np.full((total, *observer.places.shape[1:]), np.nan)
+    free = expected.copy()
+    with torch.no_grad():
+        substeps = observer.substeps(world)
+        ends = [*starts, last]
+        now, begin = state, 0
+        try:
+            for i, end in enumerate(ends):
+                led = observer.lead(world, now, begin, end, substeps=substeps)
+                taken = slice(begin + 1, end + 1)
+                expected[taken] = led.predicted[1:].numpy()
+                now, begin = led.rollout.end, end
+                if end != last:
+                    free[end + 1 : ends[i + 1] + 1] = _free(observer, world, now, end, ends[i + 1], substeps)
+        except SimulationDiverged:
+            pass
+    places = observer.places.double().numpy()
+    distance = np.linalg.norm(free - places, axis=-1)
+    distance = np.where(np.isfinite(distance), np.minimum(distance, observer.lost), observer.lost)
+    return Forecast(
+        first,
+        free[first:],
+        np.where(seen, distance, np.nan)[first:],
+        _bounded(expected - places, seen, observer.lost),
+    )
+
+
+def _free(
+    observer: Observer, world: World, state: State, begin: int, end: int, substeps: int
+) -> Float64[Array, "f N 3"]:
+    try:
+        run = observer.lead(world, state, begin, end, until=begin, substeps=substeps)
+    except SimulationDiverged:
+        return np.full((end - begin, *observer.places.shape[1:]), np.nan)
+    points: Float64[Array, "f N 3"] = run.predicted[1:].double().numpy()
+    return points
+
+
+def _bounded(
+    innovations: Float64[Array, "T N 3"], seen: Bool[Array, "T N"], lost: float
+) -> Float64[Array, "T N 3"]:
+    """Zero where nothing was seen and in the first frame, `lost` [m] where the run was."""
+    kept: Float64[Array, "T N 3"] = np.clip(np.nan_to_num(innovations, nan=lost), -lost, lost)
+    kept *= seen[..., None]
+    kept[0] = 0.0
+    return kept
