@@ -23,6 +23,6 @@ def check_diagnosable(observation: Observation, name: str) -> None:
         raise InputError(f"{name}: times: expected at least {FRAMES} frames to diagnose, found {frames}")
     if hangs(observation):
         raise InputError(
-            f"{name}: controllers: expected the hand that holds the object, found none near it while the "
-            "object stays in the air: no cause can be told from the missing hand"
+            f"{name}: controllers: expected the hand that holds the object, or ground_height where it lies: "
+            "found neither near it, and it does not fall; no cause can be told from what is missing here"
         )
