@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 import torch
 
+from model.gap.bodies.body import body_of
+from model.gap.estimate import Estimate, Misfit, Span
+from model.gap.hypothesis import Hypothesis
+from model.gap.observer import Observer
+from model.gap.plain import PlainTwin
+from model.gap.study import Study
 from model.gap.world import Sight, World
 from model.simulator.build import build_simulator
 from model.simulator.simulator import Simulator
+from model.types import Observation
 
 SPACING = 0.04
 
@@ -73,3 +80,76 @@ def loose():
     )
     sight = Sight(torch.arange(4)[:, None], torch.ones((4, 1), dtype=torch.float64))
     return World(simulator, sight, np.arange(3) / 30.0)
+
+
+@pytest.fixture
+def hung():
+    """A sheet held by its upper edge, which is shaken, as an observation of 40 frames that has not moved."""
+    u, v = np.meshgrid(np.linspace(0, 0.3, 9), np.linspace(0, 0.2, 7), indexing="ij")
+    places = np.stack([u, 0 * u, -v], -1).reshape(-1, 3)
+    jitter = np.random.default_rng(3).normal(0, 1e-3, places.shape)
+    places = places + jitter * ((v.ravel() > 0) & (u.ravel() > 0) & (u.ravel() < 0.3))[:, None]
+    times = np.arange(40) / 30.0
+    held = places[places[:, 2] > -0.01]
+    swing = np.stack([0.05 * np.sin(9 * times), 0.08 * np.sin(7 * times), 0 * times], -1)
+    return Observation(
+        times=times,
+        points=np.repeat(places[None].astype(np.float32), len(times), 0),
+        controllers=(held[None] + swing[:, None]).astype(np.float32),
+    )
+
+
+@pytest.fixture
+def studied():
+    """A function: what moves like a world with some effects, and the plain twin that lacks them, unfitted."""
+    return _studied
+
+
+def _studied(still, effects=(), values=(), where=None, noise=5e-4, softer=0.1):
+    twin = PlainTwin.of(body_of(still), still)
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    start["stiffness"] *= softer
+    with torch.no_grad():
+        full = replace(plain, effects=effects, where=where)
+        default = {name: quantity.start for name, quantity in full.quantities.items()}
+        world = full.at({**default, **start, **dict(values)})
+        points = world.sight(world.rollout().points).double().numpy()
+    points = points + np.random.default_rng(1).normal(0, noise, points.shape)
+    points[0] = still.points[0]
+    seen = replace(still, points=points.astype(np.float32))
+    twin = replace(twin, observation=seen)
+    plain = Hypothesis(twin)
+    observer = Observer(seen, plain.at(start), 0.3)
+    split = round(0.7 * len(seen.times))
+    misfit = Misfit(plain, observer, Span(0, split - 1), noise)
+    vector = misfit.coordinates.vector(start)
+    residuals = misfit(vector[None])[0]
+    base = Estimate(start, vector, residuals, misfit.jacobian(vector), 0, True)
+    return Study(seen, plain, observer, misfit, start, base, noise, split)
+
+
+@pytest.fixture
+def fitted():
+    """A function: the plain twin of a study with an effect at these values, as if they had been fitted."""
+    return _fitted
+
+
+def _fitted(study, effect, values, slopes=True):
+    misfit = study.misfit.of(study.plain.with_effect(effect))
+    full = {name: quantity.start for name, quantity in misfit.coordinates.quantities.items()}
+    vector = misfit.coordinates.vector({**full, **study.base.values, **values})
+    if not slopes:
+        return replace(study.base, values=misfit.coordinates.values(vector), vector=vector)
+    residuals = misfit(vector[None])[0]
+    return Estimate(misfit.coordinates.values(vector), vector, residuals, misfit.jacobian(vector), 0, True)
+
+
+@pytest.fixture
+def pulled(hung):
+    """The same sheet held by its left and right edges, which are pulled apart and let back twice."""
+    places = hung.points[0].astype(float)
+    left, right = (places[np.abs(places[:, 0] - x) < 1e-3] for x in (places[:, 0].min(), places[:, 0].max()))
+    way = 0.04 * np.sin(9 * hung.times)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    hands = np.concatenate([left[None] - way, right[None] + way], 1)
+    return replace(hung, controllers=hands.astype(np.float32))

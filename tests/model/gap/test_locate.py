@@ -1,0 +1,94 @@
+"""The gap is found where it was put, and nowhere where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.gap.effects import StrainStiffening, Viscoelasticity
+from model.gap.locate import locate
+from model.gap.schema import Where
+
+STIFF = {"strain_stiffening.stiffening": 2000.0}
+
+
+def left(study):
+    places = torch.from_numpy(study.plain.twin.body.points)
+    return (places[:, 0] < 0.12).double()
+
+
+@pytest.fixture
+def halved(hung, studied):
+    """What stiffens in its left half only."""
+    return studied(hung, (StrainStiffening(),), STIFF, left(studied(hung)))
+
+
+def test_shares_make_a_report(halved):
+    found = locate(halved)
+    frames, points = halved.observation.points.shape[:2]
+    where = Where(
+        points=tuple(found.points),
+        frames=tuple(found.frames),
+        parts=found.parts,
+        phases=found.phases,
+        acts_on=points * (0.0,),
+    )
+    assert (len(where.points), len(where.frames)) == (points, frames)
+    assert min(found.points) >= 0
+    assert [part.part for part in found.parts] == ["near the grip", "middle", "far end"]
+
+
+def test_it_is_where_it_was_put(halved):
+    found = locate(halved)
+    on_left = halved.observation.points[0, :, 0] < 0.12
+    assert found.points[on_left].mean() > 1.5 * found.points[~on_left].mean()
+    assert found.chance < 0.01
+    assert found.warnings == ()
+
+
+def test_without_a_gap_it_is_nowhere(hung, studied):
+    found = locate(studied(hung))
+    assert found.chance > 0.05
+    assert "p = " in found.warnings[0]
+    np.testing.assert_allclose(found.points, 1 / len(found.points))
+    np.testing.assert_allclose(found.frames, 1 / len(found.frames))
+
+
+def test_parts_are_those_that_are_labelled(halved):
+    labels = np.where(halved.observation.points[0, :, 0] < 0.12, 7, 3)
+    found = locate(replace(halved, observation=replace(halved.observation, parts=labels)))
+    assert [part.part for part in found.parts] == [3, 7]
+    assert found.parts[1].share > found.parts[0].share
+
+
+def test_frames_that_no_fit_sees_count(hung, studied):
+    """A gap that is only in the last frames."""
+    study = studied(hung)
+    points = study.observation.points.copy()
+    points[32:, :, 0] += 0.02
+    late = replace(study.observation, points=points)
+    places = study.observer.places.clone()
+    places[32:, :, 0] += 0.02
+    study.observer.places = places
+    found = locate(replace(study, observation=late))
+    assert found.frames[32:].sum() > 0.9
+    assert found.phases[-1].share > 0.5
+
+
+def test_a_part_of_the_points_turned_about_and_shuffled(hung, studied):
+    """A turn about the vertical and another order of points give the same shares."""
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
+    order = np.random.default_rng(5).permutation(hung.points.shape[1])
+    other = replace(
+        hung,
+        points=np.ascontiguousarray(hung.points[:, order] @ turn.T),
+        controllers=np.ascontiguousarray(hung.controllers @ turn.T),
+    )
+    effect = (Viscoelasticity(),)
+    values = {"viscoelasticity.branch": 5.0}
+    found = locate(studied(hung, effect, values, noise=1e-6))
+    again = locate(studied(other, effect, values, noise=1e-6))
+    np.testing.assert_allclose(again.points, found.points[order], rtol=0.05, atol=1e-4)
+    np.testing.assert_allclose(again.frames, found.frames, rtol=0.05, atol=1e-4)
+    assert [phase.name for phase in again.phases] == [phase.name for phase in found.phases]
