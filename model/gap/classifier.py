@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from typing import Final
 
 import numpy as np
 import torch
@@ -10,12 +11,13 @@ from jaxtyping import Float64
 from safetensors.torch import load
 from torch import Tensor, nn
 
-from model.gap.schema import EFFECT_NAMES
+from model.gap.schema import EFFECT_NAMES, VerdictName
 from model.gap.signs import CONTEXT_NAMES, SIGN_NAMES, Signs
 from model.types import Array
 
-NONE, UNKNOWN = "none", "unknown"
-CLASSES: tuple[str, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
+NONE: Final = "none"
+UNKNOWN: Final = "unknown"
+CLASSES: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
 WIDTH = 24
 LOOKED_AT = 3
 """Effects whose scores the judge of none and unknown sees."""
@@ -28,6 +30,12 @@ class Juror(nn.Module):
     What is learned of one effect so holds for all; beyond that each has one number of its own, how often it
     is at work when it looks as if it were.
     """
+
+    sign_mean: Tensor
+    sign_size: Tensor
+    context_mean: Tensor
+    context_size: Tensor
+    temperature: Tensor
 
     def __init__(self) -> None:
         """Untrained."""

@@ -116,7 +116,7 @@ def _seen(misfit: Misfit) -> Array:
 
 
 def _sensor_ways(study: Study, misfit: Misfit) -> list[Float64[Array, " m"]]:
-    """What a scale, a shear or a drift of the sensor would do to innovations: what the observer lets through."""
+    """What a scale, a shear or a drift of the sensor would do, as far as the observer lets it through."""
     points = study.observer.places.numpy().astype(np.float64)
     seen = _seen(misfit)
     moved = np.where(study.observer.seen.numpy()[..., None], points - points[0], 0.0)

@@ -1,12 +1,9 @@
-"""Train the jury that names effects: `python -m model.gap.learn FOLDER... --out WEIGHTS`.
+"""Train the jury that names effects, on the evidence of worlds whose effects are known.
 
-Folders hold the evidence of worlds whose effects are known (`model/gap/evidence.py`, gathered by
-`benchmarks/gap/gather.py`).
+`python -m benchmarks.gap.jury` gathers such evidence and calls this.
 """
 
-import argparse
 import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float64, Int64
-from safetensors.torch import save_file
 
+from model.formats.files import replacing
 from model.gap.classifier import CLASSES, NONE, UNKNOWN, Juror, Jury, table
 from model.gap.evidence import Column, Evidence
 from model.gap.signs import Signs, signs_of
@@ -48,20 +45,34 @@ class Example:
         return signs_of(self.evidence, self.shape, self.cost, self.ground, leaving_out)
 
 
+def write_example(path: Path, example: Example) -> None:
+    """As `read_example` reads it; the file is there whole or not at all."""
+    columns = [(column.kind, column.values) for column in example.evidence.columns]
+    about = {
+        "shape": example.shape,
+        "cost": example.cost,
+        "ground": example.ground,
+        "effects": example.effects,
+        "group": example.group,
+    }
+    with replacing(path) as part, part.open("wb") as file:
+        np.savez_compressed(
+            file,
+            grams=example.evidence.grams,
+            counts=example.evidence.counts,
+            columns=json.dumps(columns),
+            about=json.dumps(about),
+        )
+
+
 def read_example(path: Path) -> Example:
     """One that was gathered."""
     with np.load(path) as file:
         columns = tuple(Column(kind, values) for kind, values in json.loads(str(file["columns"])))
         evidence = Evidence(columns, file["grams"], file["counts"])
-        context, label = json.loads(str(file["context"])), json.loads(str(file["label"]))
-    return Example(
-        evidence,
-        context["shape"],
-        context["cost"],
-        context["ground"],
-        tuple(label["effects"]),
-        str(label.get("kind", "")),
-    )
+        about = json.loads(str(file["about"]))
+    effects = tuple(about["effects"])
+    return Example(evidence, about["shape"], about["cost"], about["ground"], effects, about["group"])
 
 
 def target(effects: Sequence[str], signs: Signs) -> Float64[Array, " k"]:
@@ -147,9 +158,7 @@ def cross_validated(
 def calibrated(jury: Jury, probabilities: Float64[Array, "b k"], targets: Float64[Array, "b k"]) -> Jury:
     """With the temperature at which held-out probabilities score best."""
     logs = np.log(np.maximum(probabilities, 1e-12))
-    best = min(
-        np.geomspace(0.5, 3.0, 60), key=lambda t: -(targets * _softened(logs, float(t))).sum(1).mean()
-    )
+    best = min(np.geomspace(0.5, 3.0, 60), key=lambda t: -(targets * _softened(logs, float(t))).sum(1).mean())
     for juror in jury.jurors:
         juror.temperature.fill_(float(best))
     return replace(jury)
@@ -177,28 +186,3 @@ def scores(examples: Sequence[Example], probabilities: Float64[Array, "b k"]) ->
         "false alarms": float((best[~acts] != NONE).mean()) if (~acts).any() else float("nan"),
         "missed": float((best[acts] == NONE).mean()),
     }
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, say how well it does on worlds that it has not seen, write the weights."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folders", type=Path, nargs="+")
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args(arguments)
-    paths = [path for folder in options.folders for path in sorted(folder.glob("*.npz"))]
-    examples = [read_example(path) for path in paths]
-    probabilities = cross_validated(examples, folds(examples))
-    targets = np.stack([target(example.effects, example.signs()) for example in examples])
-    for name, value in scores(examples, probabilities).items():
-        print(f"{name}: {value:.3g}")
-    jury = calibrated(train(examples), probabilities, targets)
-    print(f"temperature: {float(jury.jurors[0].temperature):.3g}")
-    save_file(jury.tensors(), options.out)
-    print(f"wrote {options.out}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -107,7 +107,10 @@ class Observer:
         seen = self.seen[frame].to(expected.dtype)
         error = (self.places[frame] - expected) * seen.unsqueeze(-1)
         weight = self._spread * seen
-        moved = (weight @ error) / (weight.sum(-1, keepdim=True) + 0.1)
+        # one product of all worlds, not one for each
+        flat = error.movedim(-2, 0).reshape(error.shape[-2], -1)
+        total = (weight @ flat).reshape(len(weight), *error.shape[:-2], 3).movedim(0, -2)
+        moved = total / (weight.sum(-1, keepdim=True) + 0.1)
         gain = 1.0 - float(np.exp(-interval / self.patience))
         return State(
             state.positions + gain * moved,

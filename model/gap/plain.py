@@ -59,15 +59,11 @@ class Matter:
     collision_distance: float = 0.0
     """[m]; 0: the body does not meet itself."""
 
-    def fading(self, reach: Tensor | float) -> Float[Tensor, "*b S"] | Float64[Array, " S"]:
-        """How firmly a hand holds each point, 0..1: fully where it is, less with distance over `reach` [m]."""
-        ones = np.ones(len(self.grip_pattern))
+    def fading(self, reach: Tensor) -> Float[Tensor, "*b S"]:
+        """How firmly a hand that reaches so far [m] holds each point, 0..1: fully where it is."""
         if self.grip_distance is None:
-            return ones
-        if isinstance(reach, Tensor):
-            return torch.exp(-0.5 * (torch.from_numpy(self.grip_distance) / reach) ** 2)
-        faded: Float64[Array, " S"] = np.exp(-0.5 * (self.grip_distance / reach) ** 2)
-        return faded
+            return torch.ones(len(self.grip_pattern), dtype=torch.float64)
+        return torch.exp(-0.5 * (torch.from_numpy(self.grip_distance) / reach) ** 2)
 
     @classmethod
     def guessed(cls, body: Body, observation: Observation) -> "Matter":
@@ -106,7 +102,7 @@ class PlainTwin:
     rest: Rest
     """With which the first frame is at rest."""
     controls: Float64[Array, "T H 3"]
-    """Where the other ends of the grip's springs are [m]: the controllers, or the places of what they hold."""
+    """Where the other ends of the springs of the grip are [m]: controllers, or places of what they hold."""
     carried: tuple[EffectRecord, ...] = ()
     """Effects that a given twin has already."""
 
@@ -125,7 +121,8 @@ class PlainTwin:
             body = replace(body, grip=np.stack([np.arange(len(held)), held], axis=1))
             matter = Matter.guessed(body, observation)
         bearing = np.zeros(len(body.points))
-        np.maximum.at(bearing, body.grip[:, 1], matter.fading(matter.start.get("reach", 1.0) * body.spacing))
+        reach = torch.tensor(matter.start.get("reach", 1.0) * body.spacing, dtype=torch.float64)
+        np.maximum.at(bearing, body.grip[:, 1], matter.fading(reach).numpy())
         if observation.ground_height is not None:
             bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
@@ -195,10 +192,11 @@ class PlainTwin:
         stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
         if matter.grip_distance is None:
             return stiffness
-        return stiffness * matter.fading(values["reach"] * self.body.spacing)
+        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.spacing)
+        return faded
 
     def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
-        """Where the springs of the hand end: beyond what they hold, by as much as bears it in the first frame."""
+        """Where the springs of the hand end: beyond what they hold, so that they bear it at first."""
         controls = torch.from_numpy(self.controls).to(dtype)
         if self.matter.grip_distance is None:
             return controls
@@ -226,7 +224,7 @@ class PlainTwin:
 
 
 def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
-    """Points that a hand may hold: those near its controllers, and a few more so that it holds them upright."""
+    """Points that a hand may hold: those near its controllers, and a few more to hold them upright."""
     if not len(body.grip):
         return np.zeros(0, np.int64)
     places = observation.controllers[0].astype(np.float64)

@@ -7,6 +7,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from model.gap.evidence import BLOCKS, Evidence
+from model.gap.schema import EFFECT_NAMES
+from model.schema import EffectName
 from model.types import Array
 
 RIDGE = 1e-3
@@ -40,7 +42,7 @@ CONTEXT_NAMES = (
 class Signs:
     """Of one recording."""
 
-    names: tuple[str, ...]
+    names: tuple[EffectName, ...]
     """Effects that could act."""
     each: Float64[Array, "e s"]
     """`SIGN_NAMES` of each effect."""
@@ -70,7 +72,7 @@ def signs_of(
     tests = _Tests(evidence)
     twin, sensor, hand = evidence.of("twin"), evidence.of("sensor"), evidence.of("hand")
     none = ("twin", "sensor", "hand", "plain", *leaving_out)
-    names = tuple(kind for kind in evidence.kinds if kind not in none)
+    names = tuple(name for name in EFFECT_NAMES if name in evidence.kinds and name not in none)
     probed = {name: evidence.of(name) for name in names}
     best = {name: max(probed[name], key=lambda i: tests.foretold(twin, [i])) for name in names}
     foretold = {name: tests.foretold(twin, [best[name]]) for name in names}
@@ -131,7 +133,7 @@ class _Tests:
         self.blocks = np.stack([self.grams[time == b].sum(0) for b in range(BLOCKS)])
         self.near = self.grams[0::2].sum(0)
         self.size = size
-        self._known: dict[tuple[int, ...], tuple[float, float]] = {}
+        self._known: dict[tuple[int, ...], float] = {}
 
     def foretold(self, beside: Sequence[int], tried: Sequence[int]) -> float:
         """Share of the squared innovations in held-out blocks that `tried` explains."""
@@ -147,6 +149,7 @@ class _Tests:
 
     def share_near(self, beside: Sequence[int], tried: Sequence[int]) -> float:
         """How much more of the innovations it explains near the grip than far from it."""
+
         def explained(part: Array) -> float:
             before = self._left(self.whole, part, beside)[0]
             return 1.0 - self._left(self.whole, part, [*beside, *tried])[0] / max(before, 1e-12)
@@ -157,8 +160,8 @@ class _Tests:
         key = tuple(columns)
         if key not in self._known:
             left = sum(self._left(self.whole - part, part, columns)[0] for part in self.blocks)
-            self._known[key] = float(left), 0.0
-        return self._known[key][0]
+            self._known[key] = float(left)
+        return self._known[key]
 
     def _left(self, fitted: Array, judged: Array, columns: Sequence[int]) -> tuple[float, Array]:
         """What is left in `judged` of the innovations by a fit in `fitted`, and the fit's coefficients."""

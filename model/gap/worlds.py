@@ -104,11 +104,10 @@ def _settled(world: World) -> State:
     """At rest in the hands or on the ground."""
     controls = None if world.controls is None else world.controls[:1].expand(SETTLING, -1, -1)
     still = replace(world, times=np.arange(SETTLING) / FPS, controls=controls)
-    state = None
+    places = world.system.points
     for _ in range(8):  # stopped now and then, it comes to rest soon
-        last = still.rollout(state)
-        state = State(last.points[-1], torch.zeros_like(last.points[-1]), {})
-    return state
+        places = still.rollout(State(places, torch.zeros_like(places), {})).points[-1]
+    return State(places, torch.zeros_like(places), {})
 
 
 def _enlarged(

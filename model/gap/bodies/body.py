@@ -99,7 +99,7 @@ def _held_points(
         return points, springs
     tree = cKDTree(points)
     apart = tree.query(controllers)[0]
-    new = controllers[(apart > 0.5 * spacing) & (apart < 2.0 * spacing)]
+    new = controllers[(apart > spacing) & (apart < 2.0 * spacing)]
     if not len(new):
         return points, springs
     new = new[farthest_points(new, 0.5 * spacing)]
@@ -135,7 +135,7 @@ def _between(
     distance, index = cKDTree(points).query(asked, k=count)
     closeness = 1.0 / (distance + 1e-6 * (1.0 + distance.max())) ** 2
     closeness /= closeness.sum(1, keepdims=True)
-    # of all weights that put it exactly where it is, those nearest to closeness: they follow any affine motion
+    # of all weights that put it exactly where it is, those nearest to closeness: they follow affine motion
     way = points[index] - asked[:, None]
     size = np.sqrt((way**2).sum(-1).mean(1))[:, None, None]
     rows = np.concatenate([np.ones((*index.shape, 1)), way / np.maximum(size, 1e-12)], -1).swapaxes(1, 2)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from model.types import Array
 
 FLAT = 0.05
-"""Controllers whose spread across their longest direction is less than this share of it do not tell a turn."""
+"""Controllers that spread less than this share of their length across it do not tell a turn."""
 OTHERS = 4
 """Controllers that a held point goes with where the hand itself changes shape."""
 

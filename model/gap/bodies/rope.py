@@ -2,12 +2,15 @@
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.cluster.hierarchy import fcluster, linkage
 
 from model.gap.bodies.path import along
 from model.types import Array
 
 ROPE_POINTS = 26
 """Along a rope, about."""
+HIDDEN = 0.15
+"""Share of its length at most that a hand hides at an end."""
 
 
 def chain(
@@ -49,18 +52,26 @@ def _middle(
 def _with_ends(
     line: Float64[Array, "n 3"], controllers: Float64[Array, "C 3"], length: float
 ) -> Float64[Array, "m 3"]:
-    """Controllers beyond an end of the line, within reach, are part of the rope."""
+    """Controllers beyond an end of the line, within reach, are part of it: hands hide what they hold."""
     usual = float(np.median(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    reach = max(3.0 * usual, 0.05 * length)
-    left = list(range(len(controllers)))
+    reach = max(3.0 * usual, HIDDEN * length)
+    left = list(_gathered(controllers, 1.5 * usual))
     while left:
-        apart = np.linalg.norm(controllers[left][:, None] - line[[0, -1]][None], axis=-1)
+        apart = np.linalg.norm(np.stack(left)[:, None] - line[[0, -1]][None], axis=-1)
         which, end = (int(i) for i in np.unravel_index(int(apart.argmin()), apart.shape))
         tip, inner = (line[0], line[1]) if end == 0 else (line[-1], line[-2])
-        found = controllers[left[which]]
+        found = left.pop(which)
         beyond = float((found - tip) @ (tip - inner)) > 0
-        if not (0.2 * usual < apart[which, end] <= reach and beyond):
+        if apart[which, end] > reach:
             break
-        line = np.concatenate([found[None], line] if end == 0 else [line, found[None]])
-        left.pop(which)
+        if 0.2 * usual < apart[which, end] and beyond:
+            line = np.concatenate([found[None], line] if end == 0 else [line, found[None]])
     return line
+
+
+def _gathered(places: Float64[Array, "C 3"], apart: float) -> Float64[Array, "h 3"]:
+    """The middles of places that are near each other."""
+    if len(places) < 2:
+        return places
+    groups = fcluster(linkage(places, "single"), apart, "distance")
+    return np.stack([places[groups == group].mean(0) for group in np.unique(groups)])

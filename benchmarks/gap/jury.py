@@ -1,0 +1,176 @@
+"""Make the jury that names effects: gather evidence of worlds whose effects are known, then train on it.
+
+    python -m benchmarks.gap.jury own --count 200 --out out/evidence/own
+    python -m benchmarks.gap.jury folder out/worlds/dev --out out/evidence/dev
+    python -m benchmarks.gap.jury train out/evidence/own out/evidence/dev --out model/gap/verdict.safetensors
+
+Own worlds are moved by the twin's simulator on other lattices; a folder is of development worlds
+(`benchmarks/reality/generate.py --split dev`), never of test worlds: sealed labels are refused. `train` says
+how well juries do on worlds they have not seen, also where a whole source, shape or effect is left out.
+"""
+
+import argparse
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from safetensors.torch import save_file
+
+from model.gap.benchmark.labels import PLAIN, open_labels
+from model.gap.classifier import UNKNOWN
+from model.gap.effects import ALL_EFFECTS
+from model.gap.effects.base import Effect
+from model.gap.evidence import gather
+from model.gap.learn import (
+    Example,
+    calibrated,
+    cross_validated,
+    folds,
+    read_example,
+    scores,
+    target,
+    train,
+    write_example,
+)
+from model.gap.meeting import may_meet
+from model.gap.schema import EFFECT_NAMES
+from model.gap.study import study
+from model.gap.worlds import make_world, random_effects
+from model.observation import read_observation
+from model.types import Observation
+
+TRIES = 6
+"""Draws for a world whose effects cannot act in the first."""
+
+
+def example_of(observation: Observation, effects: Sequence[str], group: str) -> Example:
+    """The evidence of one world."""
+    torch.set_num_threads(1)
+    fitted = study(observation)
+    world = fitted.plain.at(fitted.base.values)
+    able: list[Effect] = [kind() for kind in ALL_EFFECTS]
+    able = [effect for effect in able if effect.unable(world) is None]
+    able = [effect for effect in able if effect.name != "self_collision" or may_meet(fitted)]
+    ground = observation.ground_height is not None
+    named = tuple(name if name in EFFECT_NAMES else UNKNOWN for name in effects)
+    shape = fitted.plain.twin.body.shape
+    return Example(gather(fitted, able), shape, fitted.base.cost, ground, named, group)
+
+
+def own(seed: int, out: Path) -> str:
+    """One world of our own."""
+    path = out / f"{seed:05d}.npz"
+    if path.is_file():
+        return path.name
+    warnings.simplefilter("ignore")
+    kinds = random_effects(np.random.default_rng(seed))
+    for attempt in range(TRIES):
+        made = make_world(TRIES * seed + attempt, kinds)
+        if made is not None:
+            write_example(path, example_of(made.observation, made.effects, "own"))
+            return path.name
+    return f"{path.name}: {', '.join(kind.name for kind in kinds)} could not act"
+
+
+def of_folder(world: str, folder: Path, effects: tuple[str, ...], out: Path) -> str:
+    """One world of a folder."""
+    path = out / f"{world}.npz"
+    if not path.is_file():
+        warnings.simplefilter("ignore")
+        write_example(path, example_of(read_observation(folder / path.name), effects, folder.name))
+    return path.name
+
+
+def _all(jobs: Sequence[Callable[[], str]], workers: int) -> None:
+    with ProcessPoolExecutor(workers) as pool:
+        for done, future in enumerate(as_completed([pool.submit(job) for job in jobs]), 1):
+            print(f"{done}/{len(jobs)} {future.result()}", flush=True)
+
+
+def _left_out(examples: Sequence[Example]) -> Iterator[tuple[str, list[int]]]:
+    """What generalisation is asked of: every source, every shape, every effect as if it were new."""
+    for group in sorted({example.group for example in examples}):
+        yield f"source {group}", [i for i, e in enumerate(examples) if e.group == group]
+    for shape in sorted({example.shape for example in examples}):
+        yield f"shape {shape}", [i for i, e in enumerate(examples) if e.shape == shape]
+    for name in EFFECT_NAMES:
+        yield f"effect {name}", [i for i, e in enumerate(examples) if name in e.effects]
+
+
+def _print(title: str, found: dict[str, float]) -> None:
+    print(f"| {title} | " + " | ".join(f"{value:.2f}" for value in found.values()) + " |", flush=True)
+
+
+def learn(folders: Sequence[Path], out: Path, leave_out: bool) -> None:
+    """Train, say how well it does on worlds it has not seen, write the weights."""
+    examples = [read_example(path) for folder in folders for path in sorted(folder.glob("*.npz"))]
+    held = cross_validated(examples, folds(examples))
+    named = scores(examples, held)
+    print("| left out | " + " | ".join(named) + " |")
+    print("|---" * (len(named) + 1) + "|")
+    _print("a fifth at a time", named)
+    for group in sorted({example.group for example in examples}):
+        some = [i for i, example in enumerate(examples) if example.group == group]
+        _print(f"the same, {group} alone", scores([examples[i] for i in some], held[some]))
+    for title, part in _left_out(examples) if leave_out else ():
+        if 0 < len(part) < len(examples):
+            other = cross_validated(examples, [np.array(part)])[part]
+            _print(title, scores([examples[i] for i in part], other))
+    targets = np.stack([target(example.effects, example.signs()) for example in examples])
+    jury = calibrated(train(examples), held, targets)
+    save_file(jury.tensors(), out)
+    print(f"temperature {float(jury.jurors[0].temperature):.2f}, wrote {out}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Gather or train."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    made = commands.add_parser("own", help="worlds of our own simulator")
+    made.add_argument("--count", type=int, required=True)
+    made.add_argument("--first", type=int, default=0, help="seed of the first")
+    given = commands.add_parser("folder", help="development worlds of another generator")
+    given.add_argument("worlds", type=Path)
+    for gathering in (made, given):
+        gathering.add_argument("--out", type=Path, required=True)
+        gathering.add_argument("--workers", type=int, default=2)
+    learning = commands.add_parser("train", help="the jury")
+    learning.add_argument("folders", type=Path, nargs="+")
+    learning.add_argument("--out", type=Path, required=True)
+    learning.add_argument("--leave-out", action="store_true", help="whole sources, shapes and effects too")
+    options = parser.parse_args(arguments)
+    if options.command == "train":
+        learn(options.folders, options.out, options.leave_out)
+        return 0
+    options.out.mkdir(parents=True, exist_ok=True)
+    if options.command == "own":
+        seeds = range(options.first, options.first + options.count)
+        _all([partial(own, seed, options.out) for seed in seeds], options.workers)
+        return 0
+    if not (options.worlds / PLAIN).is_file():
+        parser.error(f"{options.worlds} has no open labels: a jury is trained on development worlds alone")
+    _all(
+        [
+            partial(
+                of_folder,
+                label["world"],
+                options.worlds,
+                tuple(effect["name"] for effect in label["effects"]),
+                options.out,
+            )
+            for label in open_labels(options.worlds)
+        ],
+        options.workers,
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

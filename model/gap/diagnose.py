@@ -1,0 +1,118 @@
+"""The order of a diagnosis: fit the plain twin, ask what could explain the gap, confirm it, say how far."""
+
+from collections.abc import Callable
+
+import torch
+
+from model.gap.acts_on import Acting, acting
+from model.gap.ceiling import ceiling
+from model.gap.classifier import Jury
+from model.gap.closure import closure
+from model.gap.closure import transfer as closed_there
+from model.gap.confirm import Fitted, confirm, refit
+from model.gap.diagnosis import Diagnosis
+from model.gap.effects import ALL_EFFECTS
+from model.gap.effects.base import Effect
+from model.gap.evidence import Evidence, gather
+from model.gap.found import Found, Tried
+from model.gap.locate import locate
+from model.gap.meeting import may_meet
+from model.gap.plain import PlainTwin
+from model.gap.signs import Signs, signs_of
+from model.gap.study import Study, study
+from model.gap.transfer import transferred
+from model.gap.verdict import Judged, judged, second_of
+from model.types import Observation
+
+CONFIRMED = 3
+"""Effects that are fitted: the likeliest ones."""
+BETTER = 0.95
+"""Two effects are named where together they leave less than this share of what one leaves."""
+
+Progress = Callable[[str, float], None]
+
+
+def diagnose(
+    observation: Observation,
+    twin: PlainTwin | None = None,
+    transfer: Observation | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Where a twin departs from what was observed, which effect it lacks, and how far the gap shrinks.
+
+    Args:
+        observation: What really moved.
+        twin: What it is compared with; None: made from the observation.
+        transfer: Another interaction with the same object, the same points tracked.
+        progress: Told what is done next and what share of the whole is done.
+
+    Raises:
+        InputError: nothing can be built of the observation, or `transfer` is of something else.
+    """
+    torch.set_num_threads(1)  # two are slower than one for tensors this small
+    tell = progress or (lambda stage, share: None)
+    tell("refit", 0.0)
+    fitted = study(observation, twin)
+    other = None if transfer is None else transferred(fitted, transfer)
+    tell("screen", 0.2)
+    world = fitted.plain.at(fitted.base.values)
+    able: list[Effect] = [kind() for kind in ALL_EFFECTS]
+    able = [effect for effect in able if effect.unable(world) is None]
+    able = [effect for effect in able if effect.name != "self_collision" or may_meet(fitted)]
+    evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.4 * share))
+    body = fitted.plain.twin.body
+    signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)
+    tell("confirm", 0.6)
+    plain = refit(fitted)
+    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able)
+    tell("ceiling", 0.8)
+    flexible = ceiling(fitted, plain)
+    tell("where", 0.9)
+    there = None if other is None else closed_there(fitted, other, plain, tried.chosen, flexible)
+    here = closure(fitted, plain, tried.chosen, flexible)
+    found = Found(fitted, plain, tried, signs, evidence, locate(fitted), _acting(fitted, tried), here, there)
+    tell("report", 0.97)
+    return Diagnosis(found.findings(), found.records(), found.own_values())
+
+
+def _tried(
+    fitted: Study,
+    plain: Fitted,
+    first: Judged,
+    signs: Signs,
+    evidence: Evidence,
+    able: list[Effect],
+) -> Tried:
+    effects = {effect.name: effect for effect in able}
+    likely = [name for name in first.ranked if name in effects][:CONFIRMED]
+    starts = _starts(signs, evidence)
+    confirmed = {name: confirm(fitted, plain, (effects[name],), starts[name]) for name in likely}
+    verdict = first.doubting(confirmed, plain)
+    best = verdict.effect
+    if best is None:
+        return Tried(verdict, confirmed, None, None)
+    if best not in confirmed:
+        confirmed[best] = confirm(fitted, plain, (effects[best],), starts[best])
+    second = second_of(verdict, signs, evidence)
+    if second is not None and second != best:
+        both = confirm(fitted, plain, (effects[best], effects[second]), {**starts[best], **starts[second]})
+        alone = min(confirmed[best].foretold.error, plain.foretold.error)
+        if both.foretold.error < BETTER * alone and both.evidence > confirmed[best].evidence:
+            return Tried(verdict, confirmed, second, both)
+    return Tried(verdict, confirmed, None, confirmed[best])
+
+
+def _starts(signs: Signs, evidence: Evidence) -> dict[str, dict[str, float]]:
+    """Where a fit of each effect begins: the values of the probe that foretold most."""
+    return {
+        name: {f"{name}.{quantity}": value for quantity, value in evidence.columns[probe].values.items()}
+        for name, probe in zip(signs.names, signs.probe.tolist(), strict=True)
+    }
+
+
+def _acting(fitted: Study, tried: Tried) -> Acting | None:
+    if tried.chosen is None:
+        return None
+    effect = tried.chosen.hypothesis.effects[0]
+    alone = next(one for one in tried.confirmed.values() if one.hypothesis.effects[0].name == effect.name)
+    return acting(fitted, alone.estimate, effect)

@@ -1,0 +1,26 @@
+"""Whether parts of an object that are far apart at rest ever come near each other."""
+
+import numpy as np
+
+from model.gap.bodies.body import first_places
+from model.gap.study import Study
+
+APART, NEAR = 3.5, 1.0
+"""Spacings: at rest, and when they may touch."""
+EVERY = 4
+"""Frames."""
+PAIRS = 2
+"""Fewer may be a wrong track."""
+
+
+def may_meet(study: Study) -> bool:
+    """From what was seen alone: an object that never touches itself shows nothing of self-collision."""
+    spacing = study.plain.twin.body.spacing
+    rest = first_places(study.observation)
+    apart = np.linalg.norm(rest[:, None] - rest[None], axis=-1) > APART * spacing
+    points = study.observation.points.astype(np.float64)
+    for frame in points[::EVERY]:
+        near = np.linalg.norm(frame[:, None] - frame[None], axis=-1) < NEAR * spacing
+        if int((near & apart).sum()) >= 2 * PAIRS:
+            return True
+    return False
