@@ -76,7 +76,7 @@ def test_frames_that_no_fit_sees_count(hung, studied):
     assert found.phases[-1].share > 0.5
 
 
-def test_a_part_of_the_points_turned_about_and_shuffled(hung, studied):
+def test_turned_about_and_shuffled_it_is_the_same(hung, studied):
     """A turn about the vertical and another order of points give the same shares."""
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
     order = np.random.default_rng(5).permutation(hung.points.shape[1])
@@ -89,6 +89,7 @@ def test_a_part_of_the_points_turned_about_and_shuffled(hung, studied):
     values = {"viscoelasticity.branch": 5.0}
     found = locate(studied(hung, effect, values, noise=1e-6))
     again = locate(studied(other, effect, values, noise=1e-6))
-    np.testing.assert_allclose(again.points, found.points[order], rtol=0.05, atol=1e-4)
-    np.testing.assert_allclose(again.frames, found.frames, rtol=0.05, atol=1e-4)
+    # a sheet that swings freely tells one rounding error from another after a second
+    assert 0.5 * np.abs(again.points - found.points[order]).sum() < 0.03
+    assert 0.5 * np.abs(again.frames - found.frames).sum() < 0.03
     assert [phase.name for phase in again.phases] == [phase.name for phase in found.phases]
