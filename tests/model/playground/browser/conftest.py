@@ -26,7 +26,7 @@ FLAGS = (
     "--disable-sync",
 )
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-NEAR = 12.0
+NEAR = 20.0
 """Pixels by which what is seen may be off the middle of the points: a ball covers some of it."""
 PATIENCE = 120.0
 """Seconds: software WebGL on a busy machine is slow."""

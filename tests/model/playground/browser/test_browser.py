@@ -4,20 +4,12 @@ import signal
 import subprocess
 import sys
 import urllib.request
-from dataclasses import replace
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
-from playwright.sync_api import expect
-
-from model.bundle import TwinBundle
 
 pytestmark = pytest.mark.slow
-
-PATIENCE = 120.0
-"""Seconds for a download."""
 
 
 def middle(points):
@@ -72,53 +64,6 @@ def test_a_click_pins_a_control_point_and_one_with_shift_removes_it(play):
     page.page.keyboard.up("Shift")
     page.wait(lambda: not page.session.moment.grips, "the control point to go")
     assert page.settled()[:, 2].max() < 0.2
-
-
-def test_what_is_set_beside_the_stage_is_seen_recorded_and_saved(play, tmp_path):
-    play = play()
-    page, session = play.page, play.session
-    page.locator("input[value=appearance]:visible").click()
-    page.get_by_role("option", name="part").click()
-    expect(page.get_by_text("part 1").first).to_be_visible()
-    play.wait(lambda: play.seen() is None, "the green to go")
-
-    field = page.locator("input[value='0.4']:visible")
-    field.fill("1.5")
-    field.press("Enter")
-    play.wait(lambda: session.moment.settings.friction == 1.5, "the friction")
-
-    play.button("Record a video").click()
-    stop = page.get_by_role("button", name="Stop recording")
-    expect(stop).to_be_visible()
-    page.wait_for_timeout(1500)
-    with page.expect_download(timeout=1000 * PATIENCE) as caught:
-        stop.click()
-    caught.value.save_as(tmp_path / "seen.mp4")
-    with av.open(str(tmp_path / "seen.mp4")) as film:
-        pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-    assert len(pictures) > 3
-    assert max(pictures[0].shape) == 640
-
-    with page.expect_download(timeout=1000 * PATIENCE) as caught:
-        play.button("Save the edited twin").click()
-    assert caught.value.suggested_filename == "cube.edited.twin.zip"
-    caught.value.save_as(tmp_path / "edited.twin.zip")
-    saved = TwinBundle.load(tmp_path / "edited.twin.zip").parameters.globals["friction"]
-    assert (saved.value, saved.source) == (1.5, "user")
-
-
-def test_a_comparison_shows_both_side_by_side(play, green_twin, effect, tmp_path):
-    twin = TwinBundle.load(green_twin)
-    blown = replace(twin, effects=(effect("wind", drag_per_mass=2.0, x=3.0, y=0.0),))
-    blown.save(tmp_path / "blown.twin.zip")
-    play = play(tmp_path / "blown.twin.zip", compare=True)
-    play.settled()
-    without, with_ = (
-        middle(points) + actor.shift
-        for points, actor in zip(play.session.moment.points, play.session.actors, strict=True)
-    )
-    play.seen_at(np.stack([without, with_]))
-    assert play.pixel(with_)[0] > play.pixel(without)[0] + 50
 
 
 def test_the_command_serves_until_it_is_interrupted(green_twin, free_port):
