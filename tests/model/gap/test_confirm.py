@@ -1,0 +1,85 @@
+"""The right effect is found with its size, a wrong one changes nothing, and both get the same chance."""
+
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from model.gap.confirm import confirm, refit
+from model.gap.effects import QuadraticAirDrag
+from model.gap.effects.base import Effect, Quantity
+
+DRAG = "quadratic_air_drag.drag_per_mass"
+
+
+class Placebo(Effect):
+    """A number that nothing depends on."""
+
+    name = "placebo"
+    source = "Reference: none"
+    acts = "body"
+    quantities: ClassVar = {"amount": Quantity("1", (0.01, 100.0), 1.0, log=True)}
+    absent: ClassVar = {"amount": 0.0}
+
+    def apply(self, world, values, where=None):
+        return world
+
+
+@pytest.fixture
+def dragged(hung, studied):
+    return studied(hung, (QuadraticAirDrag(),), {DRAG: 4.0})
+
+
+@pytest.fixture
+def null(hung, studied):
+    return studied(hung)
+
+
+def test_what_was_planted_is_confirmed(dragged):
+    plain = refit(dragged)
+    assert plain.estimate.cost < dragged.base.cost
+    found = confirm(dragged, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
+    assert found.estimate.cost < 0.7 * plain.estimate.cost
+    assert found.estimate.values[DRAG] == pytest.approx(4.0, rel=0.2)
+    low, high = found.intervals[DRAG]
+    assert low < 4.0 < high < 3.0 * low
+    assert found.foretold.error < 0.9 * plain.foretold.error
+    assert found.evidence > 5.0
+    assert found.at_bound == ()
+    assert set(found.intervals) == {DRAG}
+
+
+def test_a_placebo_closes_nothing(dragged):
+    plain = refit(dragged)
+    found = confirm(dragged, plain, (Placebo(),), {})
+    assert found.foretold.error == pytest.approx(plain.foretold.error, rel=0.02)
+    assert abs(found.evidence) < 1.0
+    low, high = found.intervals["placebo.amount"]
+    assert high > 100.0 * low  # nothing is known of it
+
+
+def test_where_nothing_is_missing_nothing_is_found(null):
+    plain = refit(null)
+    found = confirm(null, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
+    assert found.foretold.error == pytest.approx(plain.foretold.error, rel=0.05)
+    assert found.evidence < 2.0
+    assert found.estimate.values[DRAG] < 0.5
+
+
+def test_an_absurd_amount_is_told(dragged):
+    plain = refit(dragged)
+
+    class Faint(QuadraticAirDrag):
+        quantities: ClassVar = {"drag_per_mass": Quantity("1/m", (0.005, 1.0), 0.5, log=True)}
+
+    found = confirm(dragged, plain, (Faint(),), {DRAG: 0.5})
+    assert found.at_bound == (DRAG,)
+    assert found.intervals[DRAG][1] <= 1.0 + 1e-9
+
+
+def test_two_effects_are_fitted_together(dragged):
+    plain = refit(dragged)
+    found = confirm(dragged, plain, (QuadraticAirDrag(), Placebo()), {DRAG: 1.0})
+    assert set(found.intervals) == {DRAG, "placebo.amount"}
+    assert found.estimate.values[DRAG] == pytest.approx(4.0, rel=0.2)
+    assert np.isfinite(found.evidence)

@@ -1,0 +1,75 @@
+"""The body of one recording in another of the same object."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.errors import InputError
+from model.gap.transfer import transferred
+
+
+@pytest.fixture
+def sheet(hung, studied):
+    return studied(hung)
+
+
+def posed(observation, bent=0.0):
+    """The same object turned over, shifted, and bent."""
+    points = observation.points.astype(float)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+    def put(places):
+        bow = bent * np.stack([0 * places[..., 0], np.sin(9 * places[..., 0]), 0 * places[..., 0]], -1)
+        return ((places + bow) @ turn.T + [0.5, 0.0, 0.3]).astype(np.float32)
+
+    return replace(observation, points=put(points), controllers=put(observation.controllers.astype(float)))
+
+
+@pytest.mark.parametrize("bent", [0.0, 0.02])
+def test_mass_points_are_where_the_seen_points_say(sheet, bent):
+    other = posed(sheet.observation, bent)
+    found = transferred(sheet, other)
+    made = found.twin.world(
+        {
+            name: sheet.plain.at(sheet.base.values).system.points.new_tensor(v)
+            for name, v in sheet.base.values.items()
+        }
+    )
+    seen = made.sight(found.state.positions).double().numpy()
+    assert np.abs(seen - other.points[0]).max() < 2e-3
+    assert not found.state.velocities.any()
+    np.testing.assert_array_equal(found.twin.body.points, sheet.plain.twin.body.points)
+    np.testing.assert_array_equal(found.twin.matter.mass, sheet.plain.twin.matter.mass)
+    np.testing.assert_array_equal(found.twin.rest.tensions, sheet.plain.twin.rest.tensions)
+    assert len(found.twin.body.grip) == len(sheet.plain.twin.body.grip)
+    assert 0 < found.first < len(other.times) // 2 + 1
+
+
+def test_a_point_that_is_hidden_at_first_is_no_obstacle(sheet):
+    other = posed(sheet.observation)
+    points = other.points.copy()
+    points[:4, 10:20] = np.nan
+    hidden = transferred(sheet, replace(other, points=points)).state.positions
+    assert float((hidden - transferred(sheet, other).state.positions).abs().max()) < 0.02
+
+
+def test_other_points_are_refused(sheet):
+    fewer = replace(sheet.observation, points=sheet.observation.points[:, :-1])
+    with pytest.raises(InputError, match="62, the first 63"):
+        transferred(sheet, fewer)
+
+
+def test_unseen_points_are_refused(sheet):
+    points = sheet.observation.points.copy()
+    points[:, 2:] = np.nan
+    with pytest.raises(InputError, match="fewer than three"):
+        transferred(sheet, replace(sheet.observation, points=points))
+
+
+def test_what_is_held_elsewhere_is_held_anew(sheet):
+    lower = sheet.observation.points[0][sheet.observation.points[0][:, 2] < -0.19]
+    hands = np.repeat(lower[None], len(sheet.observation.times), 0)
+    found = transferred(sheet, replace(sheet.observation, controllers=hands))
+    held = found.twin.body.points[found.twin.body.grip[:, 1]]
+    assert held[:, 2].max() < sheet.plain.twin.body.points[sheet.plain.twin.body.grip[:, 1]][:, 2].min()
