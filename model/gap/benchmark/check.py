@@ -2,15 +2,19 @@
 
 import statistics
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from model.gap.benchmark.document import Run
 from model.gap.benchmark.labels import check_labels, open_labels
 from model.gap.benchmark.outcomes import Outcome, outcomes
-from model.gap.benchmark.predict import PREDICTIONS, Diagnose, digest, predict
+from model.gap.benchmark.predict import PREDICTIONS, Diagnose, Prediction, digest, predict
 from model.gap.benchmark.table import Table, table
 from model.progress import StageReport
+
+BROKEN = 0.1
+"""Share of the worlds; where more break, something is wrong with us, and the labels stay closed."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +54,11 @@ def benchmark(
 
     Raises:
         InputError: there are no worlds or no labels, or they do not belong together.
+        RuntimeError: so many diagnoses broke that labels would be opened for nothing.
     """
     check_labels(worlds)
     said = predict(worlds, out, diagnose, workers, progress)
+    _whole(said)
     sealed = digest(out / PREDICTIONS)
     joined = outcomes(said, open_labels(worlds, out / PREDICTIONS))
     run = Run(
@@ -65,3 +71,9 @@ def benchmark(
     )
     refused = {name: each.refused for name, each in said.items() if each.report is None}
     return Benchmark(run, table(joined), joined, refused)
+
+
+def _whole(said: Mapping[str, Prediction]) -> None:
+    broken = [f"{name}: {each.refused}" for name, each in said.items() if each.broke]
+    if len(broken) > BROKEN * len(said):
+        raise RuntimeError(f"{len(broken)} of {len(said)} diagnoses broke, labels stay closed; {broken[0]}")

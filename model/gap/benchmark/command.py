@@ -4,7 +4,6 @@ import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import asdict
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -44,9 +43,8 @@ def gap_benchmark(
     """
     from model.gap.benchmark.check import benchmark
     from model.gap.benchmark.document import printed, write_section
-    from model.gap.benchmark.predict import Diagnose
+    from model.gap.diagnose import diagnose
 
-    diagnose: Diagnose = import_module("model.gap.diagnose").diagnose
     options = ["--out", str(out), "--title", title, "--workers", str(workers)]
     options += [] if docs is None else ["--docs", str(docs)]
     command = shlex.join(["matphys", "gap-benchmark", str(worlds), *options])

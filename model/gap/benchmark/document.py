@@ -71,11 +71,12 @@ def write_section(path: Path, run: Run, table: Table, worlds: Sequence[Outcome])
     """
     clear = [each for each in worlds if each.clear]
     stem = "gap-benchmark-" + re.sub(r"[^a-z0-9]+", "-", run.title.lower()).strip("-")
-    drawn = {
-        f"{stem}-confusion.png": ("Verdicts by truth", figures.matrix(clear)),
-        f"{stem}-detectability.png": ("How small an effect may be", figures.detectability(table)),
-        f"{stem}-calibration.png": ("What a probability is worth", figures.calibration(clear)),
-    }
+    drawn = {f"{stem}-detectability.png": ("How small an effect may be", figures.detectability(table))}
+    if clear:
+        drawn |= {
+            f"{stem}-confusion.png": ("Verdicts by truth", figures.matrix(clear)),
+            f"{stem}-calibration.png": ("What a probability is worth", figures.calibration(clear)),
+        }
     written = []
     for name, (_, figure) in drawn.items():
         with replacing(path.parent / "images" / name) as temporary:

@@ -46,6 +46,8 @@ class Prediction:
     """Why."""
     seconds: float = 0.0
     """That it took; 0 where it is not known."""
+    broke: bool = False
+    """By a fault of ours, not of the observation."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +138,7 @@ def _predict(job: _Job) -> Prediction:
         refused, broke = f"{type(error).__name__}: {error}", True
     seconds = time.perf_counter() - began
     _keep(job.kept, {"sha256": same, "seconds": seconds, **_plain(report, refused), "broke": broke})
-    return Prediction(report, refused, seconds)
+    return Prediction(report, refused, seconds, broke)
 
 
 def _kept(path: Path, same: str) -> Prediction | None:

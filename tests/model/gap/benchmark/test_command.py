@@ -65,3 +65,28 @@ def test_a_folder_without_labels_is_refused_before_any_work(worlds, tmp_path, di
     with pytest.raises(InputError, match=r"expected labels\.json or labels\.sealed"):
         call(worlds, "--out", tmp_path / "out", "--workers", 1)
     assert not (tmp_path / "out").exists()
+
+
+def test_labels_stay_closed_where_diagnoses_break(worlds, tmp_path, monkeypatch):
+    def broken(observation, twin=None, *, transfer=None, progress=None):
+        raise FileNotFoundError("no weights")
+
+    monkeypatch.setitem(sys.modules, "model.gap.diagnose", ModuleType("model.gap.diagnose"))
+    monkeypatch.setattr(sys.modules["model.gap.diagnose"], "diagnose", broken, raising=False)
+    text = (worlds / PLAIN).read_bytes()
+    (worlds / PLAIN).unlink()
+    (worlds / SEALED).write_bytes(seal(text))
+    with pytest.raises(RuntimeError, match=r"3 of 3 diagnoses broke, labels stay closed; .*no weights"):
+        call(worlds, "--out", tmp_path / "out", "--workers", 1)
+    assert not (worlds / LOG).exists()
+
+
+def test_a_page_can_be_of_worlds_none_of_which_is_clear(worlds, tmp_path, diagnose):
+    for name in ("quiet", "blown"):
+        for path in worlds.glob(f"{name}*"):
+            path.unlink()
+    labels = [each for each in json.loads((worlds / PLAIN).read_text()) if each["world"] == "odd"]
+    (worlds / PLAIN).write_text(json.dumps(labels))
+    page = tmp_path / "page.md"
+    call(worlds, "--out", tmp_path / "out", "--workers", 1, "--docs", page, "--quiet")
+    assert page.read_text().count(".png)") == 1
