@@ -37,8 +37,8 @@ def export(twin: Path, target: str, out: Path, points: int | None, frames: bool,
         coarse = None if points is None else coarsen(bundle, points)
         written = [str(path) for path in exporter(bundle if coarse is None else coarse.twin, out)]
     if as_json:
-        deviation = None if coarse is None else dict(coarse.deviation)
-        print_json({"format": target, "files": written, "coarsening": deviation})
+        deviation = {} if coarse is None else {"coarsening": dict(coarse.deviation)}
+        print_json({"format": target, "files": written} | deviation)
     else:
         said = [] if coarse is None else [coarse.statement]
         click.echo("\n".join([*said, *(f"wrote {path}" for path in written)]))
