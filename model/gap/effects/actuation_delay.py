@@ -49,7 +49,7 @@ class ActuationDelay(Effect):
 
 def _shifted(
     controls: Float[Tensor, "T *b C 3"], times: Float[Tensor, " T"], delay: Tensor
-) -> Float[Tensor, "T *b C 3"]:
+) -> Float[Tensor, "T *d C 3"]:
     """Where the controllers were `delay` [s] before; scalar, or [b, 1] for b delays at once."""
     asked = (times.to(delay) - delay).clamp(float(times[0]), float(times[-1])).movedim(-1, 0).contiguous()
     after = torch.searchsorted(times, asked.detach().to(times), right=True).clamp(1, len(times) - 1)
