@@ -31,7 +31,10 @@ from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
 
 GENERATORS = {"dev": "mujoco", "test": "fem"}
 MODULES = {"mujoco": "benchmarks.reality.lattice", "fem": "benchmarks.reality.fem"}
-TRIES = 12
+TRIES, CHOOSY = 12, 3
+"""Draws of a world; the first `CHOOSY` are thrown away where the effect is far from its target."""
+WITHIN = 1.6
+"""Factor within which that is."""
 
 
 def generator(name: str) -> Simulate:
@@ -49,7 +52,7 @@ def make(
         recipe = draw_recipe(seed, split, index, attempt)
         rng = np.random.default_rng([SPLITS[split], seed, 4, index, attempt])
         try:
-            done = _realise(recipe, simulate, rng)
+            done = _realise(recipe, simulate, rng, np.inf if attempt >= CHOOSY else WITHIN)
         except Runaway:
             continue
         if done is not None:
@@ -63,7 +66,7 @@ def make(
 
 
 def _realise(
-    recipe: Recipe, simulate: Simulate, rng: np.random.Generator
+    recipe: Recipe, simulate: Simulate, rng: np.random.Generator, within: float
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]] | None:
     sensor, again = recipe.sensor, recipe.transfer_sensor
     effects: list[Effect] = []
@@ -74,7 +77,7 @@ def _realise(
             return None
         stick = measure(recipe.world, simulate, sensor.noise)
         for each in drawn:
-            tuned = tune(stick, each, ALL[each.name].range, recipe.target, simulate)
+            tuned = tune(stick, each, ALL[each.name].range, recipe.target, simulate, within)
             if tuned is None:
                 return None
             effects.append(tuned.effect)

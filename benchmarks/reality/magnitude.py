@@ -23,7 +23,7 @@ Simulate = Callable[[World], Motion]
 COARSER = 1.6
 CLOSE = 1.25
 """A magnitude within this factor of its target will do."""
-ROUGH, FINE = 6, 3
+ROUGH, FINE = 6, 4
 """Most simulations with an effect: of the coarser world, where its amplitude is sought, and of the world."""
 ACCEPTED = (0.4, 6.0)
 LIMIT = 1.6
@@ -137,13 +137,18 @@ class Tuned:
 
 
 def tune(
-    stick: Yardstick, effect: Effect, limits: tuple[float, float], target: float, simulate: Simulate
+    stick: Yardstick,
+    effect: Effect,
+    limits: tuple[float, float],
+    target: float,
+    simulate: Simulate,
+    within: float = np.inf,
 ) -> Tuned | None:
     """The amplitude at which the effect has the target magnitude, found by secants on logarithms.
 
     It is sought in the coarser world, which costs little, and then corrected in the world itself. Where the
-    target is out of reach, the nearest that was tried is taken, if it is within `ACCEPTED`: what counts is
-    the magnitude measured. None: there is none such.
+    target is out of reach, the nearest that was tried is taken, if it is within `ACCEPTED` and a factor of
+    `within` of the target: what counts is the magnitude measured. None: there is none such.
     """
 
     def roughly(amplitude: float) -> float:
@@ -158,13 +163,15 @@ def tune(
 
     low, high = limits
     rough = _seek(roughly, float(np.sqrt(low * high)), limits, target, ROUGH)
-    if not rough:
+    if not rough or _nearest(rough, target)[1] < target / within / 2:
         return None
     found = _seek(truly, _nearest(rough, target)[0], limits, target, FINE)
     reached = [pair for pair in found if ACCEPTED[0] <= pair[1] <= ACCEPTED[1]]
     if not reached:
         return None
     amplitude, value = _nearest(reached, target)
+    if not target / within <= value <= target * within:
+        return None
     return Tuned(replace(effect, amplitude=amplitude), value, motions[amplitude])
 
 
