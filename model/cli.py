@@ -21,6 +21,7 @@ from model.commands.view import view
 from model.doubts import collect_doubts
 from model.errors import InputError
 from model.formats.files import replacing
+from model.gap.benchmark.command import gap_benchmark
 from model.progress import StageReport, progress
 from model.version import __version__
 
@@ -246,6 +247,7 @@ def inspect(twin: Path, as_json: bool) -> None:
 matphys.add_command(diagnose)
 matphys.add_command(edit)
 matphys.add_command(export)
+matphys.add_command(gap_benchmark)
 matphys.add_command(view)
 
 

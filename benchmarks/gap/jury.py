@@ -31,10 +31,11 @@ from model.gap.learn import (
     calibrated,
     cross_validated,
     folds,
+    lesson_of,
     read_example,
     scores,
-    target,
     train,
+    with_caution,
     write_example,
 )
 from model.gap.meeting import may_meet
@@ -109,20 +110,23 @@ def _print(title: str, found: dict[str, float]) -> None:
 def learn(folders: Sequence[Path], out: Path, leave_out: bool) -> None:
     """Train, say how well it does on worlds it has not seen, write the weights."""
     examples = [read_example(path) for folder in folders for path in sorted(folder.glob("*.npz"))]
-    held = cross_validated(examples, folds(examples))
+    lessons = [lesson_of(example, i) for i, example in enumerate(examples)]
+    parts, targets = folds(len(lessons)), np.stack([lesson.copies[0][1] for lesson in lessons])
+    bold = cross_validated(lessons, parts)
+    held = with_caution(bold, targets, parts)
     named = scores(examples, held)
     print("| left out | " + " | ".join(named) + " |")
     print("|---" * (len(named) + 1) + "|")
     _print("a fifth at a time", named)
+    _print("the same, without caution", scores(examples, bold))
     for group in sorted({example.group for example in examples}):
         some = [i for i, example in enumerate(examples) if example.group == group]
         _print(f"the same, {group} alone", scores([examples[i] for i in some], held[some]))
     for title, part in _left_out(examples) if leave_out else ():
         if 0 < len(part) < len(examples):
-            other = cross_validated(examples, [np.array(part)])[part]
+            other = cross_validated(lessons, [np.array(part)])[part]
             _print(title, scores([examples[i] for i in part], other))
-    targets = np.stack([target(example.effects, example.signs()) for example in examples])
-    jury = calibrated(train(examples), held, targets)
+    jury = calibrated(train(lessons), bold, targets)
     save_file(jury.tensors(), out)
     print(f"temperature {float(jury.jurors[0].temperature):.2f}, wrote {out}")
 

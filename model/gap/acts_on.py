@@ -144,7 +144,8 @@ class _Judge:
 
     def _at(self, index: int, scale: float) -> Float64[Array, " m"]:
         vector = self._misfit.coordinates.vector({"place": float(index), "scale": scale})
-        return self._misfit(vector[None])[0]
+        left: Float64[Array, " m"] = self._misfit(vector[None])[0]
+        return left
 
     def _judged(self, index: int, place: Place) -> _Verdict:
         """Between the amplitude that was fitted and the one with which as much acts in the place."""

@@ -1,4 +1,4 @@
-"""From signs to probabilities of {none, each effect, unknown}, by networks that have seen many worlds."""
+"""From signs to probabilities of {none, each effect, unknown}, by jurors that have seen many worlds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,17 +18,16 @@ from model.types import Array
 NONE: Final = "none"
 UNKNOWN: Final = "unknown"
 CLASSES: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
-WIDTH = 24
 LOOKED_AT = 3
 """Effects whose scores the judge of none and unknown sees."""
 WEIGHTS = "verdict.safetensors"
 
 
 class Juror(nn.Module):
-    """Scores all effects by the same network, none and unknown by another.
+    """Scores all effects by the same few weights, none and unknown by a few others.
 
     What is learned of one effect so holds for all; beyond that each has one number of its own, how often it
-    is at work when it looks as if it were.
+    is at work when it looks as if it were. Hidden layers learned some dozens of worlds by heart.
     """
 
     sign_mean: Tensor
@@ -36,22 +35,20 @@ class Juror(nn.Module):
     context_mean: Tensor
     context_size: Tensor
     temperature: Tensor
+    caution: Tensor
 
     def __init__(self) -> None:
         """Untrained."""
         super().__init__()
-        self.scorer = nn.Sequential(
-            nn.Linear(len(SIGN_NAMES) + len(CONTEXT_NAMES), WIDTH), nn.Tanh(), nn.Linear(WIDTH, 1)
-        )
-        self.judge = nn.Sequential(
-            nn.Linear(len(CONTEXT_NAMES) + LOOKED_AT, WIDTH), nn.Tanh(), nn.Linear(WIDTH, 2)
-        )
+        self.scorer = nn.Linear(len(SIGN_NAMES), 1)
+        self.judge = nn.Linear(len(CONTEXT_NAMES) + LOOKED_AT, 2)
         self.bias = nn.Parameter(torch.zeros(len(EFFECT_NAMES)))
         self.register_buffer("sign_mean", torch.zeros(len(SIGN_NAMES)))
         self.register_buffer("sign_size", torch.ones(len(SIGN_NAMES)))
         self.register_buffer("context_mean", torch.zeros(len(CONTEXT_NAMES)))
         self.register_buffer("context_size", torch.ones(len(CONTEXT_NAMES)))
         self.register_buffer("temperature", torch.ones(1))
+        self.register_buffer("caution", torch.zeros(1))
 
     def forward(self, each: Tensor, able: Tensor, context: Tensor) -> Tensor:
         """Logarithms of the probabilities of `CLASSES`.
@@ -63,12 +60,13 @@ class Juror(nn.Module):
         """
         signs = ((each - self.sign_mean) / self.sign_size).clamp(-4, 4)
         seen = ((context - self.context_mean) / self.context_size).clamp(-4, 4)
-        wide = seen.unsqueeze(1).expand(-1, each.shape[1], -1)
-        scores = self.scorer(torch.cat([signs, wide], -1)).squeeze(-1) + self.bias
+        scores = self.scorer(signs).squeeze(-1) + self.bias
         scores = scores.masked_fill(~able, -30.0)
         top = scores.topk(LOOKED_AT, dim=1).values.clamp(-10, 10)
         others = self.judge(torch.cat([seen, top / 3.0], -1))
-        return torch.log_softmax(torch.cat([scores, others], 1) / self.temperature, 1)
+        logs = torch.log_softmax(torch.cat([scores, others], 1), 1) / self.temperature
+        none = torch.zeros(logs.shape[1]).index_fill_(0, torch.tensor([CLASSES.index(NONE)]), 1.0)
+        return torch.log_softmax(logs + self.caution * none, 1)
 
 
 def table(signs: Sequence[Signs]) -> tuple[Tensor, Tensor, Tensor]:

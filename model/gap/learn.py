@@ -4,8 +4,8 @@
 """
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +18,14 @@ from model.gap.evidence import Column, Evidence
 from model.gap.signs import Signs, signs_of
 from model.types import Array
 
-JURORS = 7
-EPOCHS = 400
-DECAY = 0.02
+JURORS = 5
+EPOCHS = 250
+DECAY = 0.3
 HIDDEN = 0.25
 """Share of worlds in which the effect at work is left out of the catalogue: unknown is then right."""
-COPIES = 4
+ALARMS = 0.05
+"""Share of healthy twins that may be accused."""
+COPIES = 5
 """Of each world, with other effects left out."""
 
 
@@ -88,31 +90,39 @@ def target(effects: Sequence[str], signs: Signs) -> Float64[Array, " k"]:
     return right
 
 
-def augmented(examples: Sequence[Example], rng: np.random.Generator) -> tuple[list[Signs], Array]:
-    """Every world as it is, and with effects left out: those at work, so that it is unknown, and others."""
-    signs, targets = [], []
-    for example in examples:
-        for copy in range(COPIES):
-            hidden: list[str] = []
-            if copy:
-                hide = rng.random() < HIDDEN * COPIES / (COPIES - 1)
-                hidden += example.effects if hide else ()
-                others = [kind for kind in example.evidence.kinds if kind not in example.effects]
-                hidden += list(rng.choice(others, size=int(rng.integers(0, 5)), replace=False))
-            one = example.signs(hidden)
-            signs.append(one)
-            targets.append(target(example.effects, one))
-    return signs, np.stack(targets)
+@dataclass(frozen=True)
+class Lesson:
+    """A world as it is and as it would look to smaller catalogues, each with what is right to say."""
+
+    plain: Signs
+    copies: tuple[tuple[Signs, Float64[Array, " k"]], ...]
 
 
-def train(examples: Sequence[Example], seed: int = 0, jurors: int = JURORS) -> Jury:
-    """Jurors that have seen these worlds, each with other starts and other effects left out."""
+def lesson_of(example: Example, seed: int) -> Lesson:
+    """With effects left out: in some copies those at work, so that unknown is right, and some others."""
+    rng = np.random.default_rng(seed)
+    whole = example.signs()
+    copies = [(whole, target(example.effects, whole))]
+    for _ in range(COPIES - 1):
+        hidden: list[str] = []
+        if rng.random() < HIDDEN * COPIES / (COPIES - 1):
+            hidden += example.effects
+        others = [kind for kind in whole.names if kind not in example.effects]
+        hidden += list(rng.choice(others, size=min(len(others) - 1, int(rng.integers(0, 5))), replace=False))
+        signs = example.signs(hidden)
+        copies.append((signs, target(example.effects, signs)))
+    return Lesson(whole, tuple(copies))
+
+
+def train(lessons: Sequence[Lesson], seed: int = 0, jurors: int = JURORS) -> Jury:
+    """Jurors that have seen these worlds, each with other starts and a draw of the worlds of its own."""
     members = []
     for member in range(jurors):
         rng = np.random.default_rng([seed, member])
         torch.manual_seed(int(rng.integers(1 << 30)))
-        signs, targets = augmented(examples, rng)
-        members.append(_trained(Juror(), signs, targets))
+        drawn = [lessons[i] for i in rng.integers(len(lessons), size=len(lessons))]
+        pairs = [pair for lesson in drawn for pair in lesson.copies]
+        members.append(_trained(Juror(), [s for s, _ in pairs], np.stack([t for _, t in pairs])))
     return Jury(tuple(members))
 
 
@@ -124,49 +134,77 @@ def _trained(juror: Juror, signs: list[Signs], targets: Array) -> Juror:
     juror.sign_size.copy_(present.std(0) + 1e-3)
     juror.context_mean.copy_(context.mean(0))
     juror.context_size.copy_(context.std(0) + 1e-3)
-    optimiser = torch.optim.AdamW(juror.parameters(), lr=0.01, weight_decay=DECAY)
+    optimiser = torch.optim.AdamW(juror.parameters(), lr=0.03, weight_decay=DECAY)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, EPOCHS)
     for _ in range(EPOCHS):
         optimiser.zero_grad()
-        loss = -(wanted * juror(each, able, context)).sum(1).mean() + 0.01 * juror.bias.square().sum()
+        loss = -(wanted * juror(each, able, context)).sum(1).mean() + 0.02 * juror.bias.square().sum()
         loss.backward()
         optimiser.step()
         schedule.step()
     return juror.eval()
 
 
-def folds(examples: Sequence[Example], count: int = 5) -> list[Int64[Array, " n"]]:
-    """Of equal size, the same for the same examples."""
-    order = np.random.default_rng(0).permutation(len(examples))
-    return [order[i::count] for i in range(count)]
+def folds(count: int, parts: int = 5) -> list[Int64[Array, " n"]]:
+    """Of equal size, the same for the same count."""
+    order = np.random.default_rng(0).permutation(count)
+    return [order[i::parts] for i in range(parts)]
 
 
-def cross_validated(
-    examples: Sequence[Example],
-    parts: Sequence[Int64[Array, " n"]],
-    trained: Callable[[Sequence[Example]], Jury] = train,
-) -> Float64[Array, "b k"]:
+def cross_validated(lessons: Sequence[Lesson], parts: Sequence[Int64[Array, " n"]]) -> Float64[Array, "b k"]:
     """Probabilities of each world by a jury that has not seen it, nor any of its part."""
-    found = np.zeros((len(examples), len(CLASSES)))
+    found = np.zeros((len(lessons), len(CLASSES)))
     for part in parts:
-        rest = [example for i, example in enumerate(examples) if i not in set(part.tolist())]
-        jury = trained(rest)
-        found[part] = jury.probabilities([examples[i].signs() for i in part])
+        held = set(part.tolist())
+        jury = train([lesson for i, lesson in enumerate(lessons) if i not in held])
+        found[part] = jury.probabilities([lessons[i].plain for i in part])
     return found
 
 
 def calibrated(jury: Jury, probabilities: Float64[Array, "b k"], targets: Float64[Array, "b k"]) -> Jury:
-    """With the temperature at which held-out probabilities score best."""
+    """With the temperature at which held-out probabilities score best, and with caution.
+
+    Caution is what the logarithm of none has to gain for at most `ALARMS` of the held-out worlds without any
+    effect to be accused: a healthy twin that is called ill is worse than an ill one that is called healthy.
+    """
     logs = np.log(np.maximum(probabilities, 1e-12))
-    best = min(np.geomspace(0.5, 3.0, 60), key=lambda t: -(targets * _softened(logs, float(t))).sum(1).mean())
+    temperature = min(
+        np.geomspace(0.5, 3.0, 60), key=lambda t: -(targets * _softened(logs, float(t))).sum(1).mean()
+    )
+    caution = cautioned(_softened(logs, float(temperature)), targets)
     for juror in jury.jurors:
-        juror.temperature.fill_(float(best))
-    return replace(jury)
+        juror.temperature.fill_(float(temperature))
+        juror.caution.fill_(caution)
+    return jury
+
+
+def cautioned(logs: Float64[Array, "b k"], targets: Float64[Array, "b k"]) -> float:
+    """By how much none has to gain for few enough false alarms; zero where there are none."""
+    none = CLASSES.index(NONE)
+    healthy = logs[targets[:, none] > 0.5]
+    if not len(healthy):
+        return 0.0
+    lead = np.delete(healthy, none, axis=1).max(1) - healthy[:, none]
+    return float(max(np.quantile(lead, 1.0 - ALARMS), 0.0))
 
 
 def _softened(logs: Array, temperature: float) -> Array:
     scaled = logs / temperature
     return np.asarray(scaled - np.log(np.exp(scaled).sum(1, keepdims=True)))
+
+
+def with_caution(
+    probabilities: Float64[Array, "b k"], targets: Float64[Array, "b k"], parts: Sequence[Int64[Array, " n"]]
+) -> Float64[Array, "b k"]:
+    """Held-out probabilities after caution that was learned on the other parts."""
+    logs = np.log(np.maximum(probabilities, 1e-12))
+    found = np.zeros_like(probabilities)
+    for part in parts:
+        rest = np.setdiff1d(np.arange(len(logs)), part)
+        moved = logs[part].copy()
+        moved[:, CLASSES.index(NONE)] += cautioned(logs[rest], targets[rest])
+        found[part] = np.exp(_softened(moved, 1.0))
+    return found
 
 
 def scores(examples: Sequence[Example], probabilities: Float64[Array, "b k"]) -> dict[str, float]:

@@ -45,7 +45,11 @@ class Transferred:
             hypothesis: Of the first recording.
             values: Its fitted values; what only this recording has, as a ground, is as usual.
         """
-        here = replace(hypothesis, twin=self.twin)
+        plain = replace(hypothesis, twin=self.twin, effects=(), where=None)
+        usual = plain.at({name: quantity.start for name, quantity in plain.quantities.items()})
+        # what acts at a ground or a grip has nothing to act on where there is none
+        able = tuple(effect for effect in hypothesis.effects if effect.unable(usual) is None)
+        here = replace(hypothesis, twin=self.twin, effects=able)
         known = {name: values.get(name, quantity.start) for name, quantity in here.quantities.items()}
         return forecast(self.observer, here.at(known), self.first, self.state)
 

@@ -11,6 +11,8 @@ from model.gap.report.wording import (
 )
 from model.gap.schema import GapReport
 
+UNSEEN = 3.0
+"""A twin that is off by more times the noise may lack something that does not stand out."""
 TUNED = 1.2
 """A twin that came with more times its refitted error was badly tuned, which is worth a word."""
 
@@ -81,6 +83,13 @@ def _nothing(report: GapReport) -> str:
         if gap.baseline > TUNED * gap.refit
         else ""
     )
+    if gap.refit > UNSEEN * gap.noise_floor:
+        return (
+            f"No missing effect stands out in this recording ({percent(report.verdict.probability)} sure that"
+            f" none is at work): {tuned}the twin is off by {millimetres(gap.refit)} on held-out time, where"
+            f" measurement noise alone makes {millimetres(gap.noise_floor)}; as much is left by twins that lack"
+            " nothing but the true mesh."
+        )
     return (
         f"Nothing is missing in the twin ({percent(report.verdict.probability)} sure): {tuned}it is off by"
         f" {millimetres(gap.refit)} on held-out time, and measurement noise alone makes"
