@@ -151,6 +151,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     learning.add_argument("--leave-out", action="store_true", help="whole sources, shapes and effects too")
     options = parser.parse_args(arguments)
     if options.command == "train":
+        empty = [str(folder) for folder in options.folders if not any(folder.glob("*.npz"))]
+        if empty:
+            parser.error(f"no examples in {', '.join(empty)}: gather some with `own` or `folder`")
         learn(options.folders, options.out, options.leave_out)
         return 0
     options.out.mkdir(parents=True, exist_ok=True)

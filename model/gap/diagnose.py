@@ -1,5 +1,6 @@
 """The order of a diagnosis: fit the plain twin, ask what could explain the gap, confirm it, say how far."""
 
+import warnings
 from collections.abc import Callable
 
 import torch
@@ -22,6 +23,7 @@ from model.gap.signs import Signs, signs_of
 from model.gap.study import Study, study
 from model.gap.transfer import transferred
 from model.gap.verdict import Judged, judged, second_of
+from model.simulator.pace import StabilityWarning
 from model.types import Observation
 
 CONFIRMED = 3
@@ -50,7 +52,15 @@ def diagnose(
         InputError: nothing can be built of the observation, or `transfer` is of something else.
     """
     torch.set_num_threads(1)  # two are slower than one for tensors this small
-    tell = progress or (lambda stage, share: None)
+    with warnings.catch_warnings():
+        # substeps are the observer's choice, the same for all worlds of a fit; users can do nothing about it
+        warnings.simplefilter("ignore", StabilityWarning)
+        return _diagnosed(observation, twin, transfer, progress or (lambda stage, share: None))
+
+
+def _diagnosed(
+    observation: Observation, twin: PlainTwin | None, transfer: Observation | None, tell: Progress
+) -> Diagnosis:
     tell("refit", 0.0)
     fitted = study(observation, twin)
     other = None if transfer is None else transferred(fitted, transfer)

@@ -25,6 +25,8 @@ HIDDEN = 0.25
 """Share of worlds in which the effect at work is left out of the catalogue: unknown is then right."""
 ALARMS = 0.05
 """Share of healthy twins that may be accused."""
+AHEAD = 1e-4
+"""By how much more none has to gain, so as not to come out even."""
 COPIES = 5
 """Of each world, with other effects left out."""
 
@@ -108,7 +110,8 @@ def lesson_of(example: Example, seed: int) -> Lesson:
         if rng.random() < HIDDEN * COPIES / (COPIES - 1):
             hidden += example.effects
         others = [kind for kind in whole.names if kind not in example.effects]
-        hidden += list(rng.choice(others, size=min(len(others) - 1, int(rng.integers(0, 5))), replace=False))
+        most = max(len(others) - 1, 0)
+        hidden += list(rng.choice(others, size=min(most, int(rng.integers(0, 5))), replace=False))
         signs = example.signs(hidden)
         copies.append((signs, target(example.effects, signs)))
     return Lesson(whole, tuple(copies))
@@ -185,7 +188,8 @@ def cautioned(logs: Float64[Array, "b k"], targets: Float64[Array, "b k"]) -> fl
     if not len(healthy):
         return 0.0
     lead = np.delete(healthy, none, axis=1).max(1) - healthy[:, none]
-    return float(max(np.quantile(lead, 1.0 - ALARMS), 0.0))
+    enough = float(np.quantile(lead, 1.0 - ALARMS, method="higher"))
+    return enough + AHEAD if enough >= 0.0 else 0.0
 
 
 def _softened(logs: Array, temperature: float) -> Array:

@@ -13,6 +13,8 @@ from model.gap.schema import GapReport
 
 UNSEEN = 3.0
 """A twin that is off by more times the noise may lack something that does not stand out."""
+LIKELY = 0.5
+"""What is less probable is not said outright."""
 TUNED = 1.2
 """A twin that came with more times its refitted error was badly tuned, which is worth a word."""
 
@@ -39,6 +41,8 @@ def _cause(report: GapReport) -> str:
     alike = companions(report)
     if not alike:
         verb = "are" if report.verdict.second is not None else "is"
+        if report.verdict.probability < LIKELY:
+            return f"{str(name).capitalize()} {verb} the likeliest thing that the twin lacks ({sure} sure)"
         return f"{str(name).capitalize()} {verb} missing in the twin ({sure} sure)"
     names = listed((plain(report.verdict.effect), *map(plain, alike)), "or")
     chances = [report.finding(each).probability for each in (report.verdict.effect, *alike)]
@@ -85,10 +89,10 @@ def _nothing(report: GapReport) -> str:
     )
     if gap.refit > UNSEEN * gap.noise_floor:
         return (
-            f"No missing effect stands out in this recording ({percent(report.verdict.probability)} sure that"
-            f" none is at work): {tuned}the twin is off by {millimetres(gap.refit)} on held-out time, where"
-            f" measurement noise alone makes {millimetres(gap.noise_floor)}; as much is left by twins that lack"
-            " nothing but the true mesh."
+            f"No missing effect stands out in this recording ({percent(report.verdict.probability)} sure"
+            f" that none is at work): {tuned}the twin is off by {millimetres(gap.refit)} on held-out time,"
+            f" where measurement noise alone makes {millimetres(gap.noise_floor)}; as much is left by twins"
+            " that lack nothing but the true mesh."
         )
     return (
         f"Nothing is missing in the twin ({percent(report.verdict.probability)} sure): {tuned}it is off by"

@@ -11,8 +11,8 @@ from model.gap.report.style import BAND, BASELINE, EFFECT, FLOOR, INK, REFIT, SM
 from model.gap.report.wording import REFITTED, percent, plain, with_effect
 from model.types import Array
 
-NARROW = 0.09
-"""Of the width: what is narrower gets no name."""
+MARGIN = 3.0
+"""Between a phase's name and its ends [pt]; a phase too narrow for its name gets none."""
 
 FARTHEST = 4.0
 """In largest errors of the refitted twin; a twin that came with more is cut off."""
@@ -52,32 +52,43 @@ def draw(findings: Findings) -> Figure:
         handlelength=1.4,
         columnspacing=1.2,
     )
+    _names(figure, axes, findings)
     return figure
 
 
 def _phases(axes: Axes, findings: Findings) -> None:
-    """Every other phase on a band; its name and its share of the gap above it."""
+    """Every other phase on a band."""
+    for phase in findings.report.where.phases[::2]:
+        axes.axvspan(phase.start_s, phase.end_s, color=BAND, linewidth=0, zorder=0)
+
+
+def _names(figure: Figure, axes: Axes, findings: Findings) -> None:
+    """Each phase's name and share of the gap at its top, where there is room; after all else is placed."""
     over = blended_transform_factory(axes.transData, axes.transAxes)
-    whole = findings.times[-1] - findings.times[0]
-    for index, phase in enumerate(findings.report.where.phases):
-        if index % 2 == 0:
-            axes.axvspan(phase.start_s, phase.end_s, color=BAND, linewidth=0, zorder=0)
+    named = []
+    for phase in findings.report.where.phases:
         start, end = max(phase.start_s, findings.times[0]), min(phase.end_s, findings.times[-1])
-        if end - start >= NARROW * whole:
-            middle = 0.5 * (start + end)
-            text = f"{plain(phase.name)}\n{percent(phase.share)}"
-            axes.text(
-                middle,
-                0.985,
-                text,
-                transform=over,
-                fontsize=SMALL - 0.5,
-                color=INK,
-                ha="center",
-                va="top",
-                zorder=4,
-                linespacing=1.3,
-            )
+        name = plain(phase.name).replace(", ", ",\n")
+        text = axes.text(
+            0.5 * (start + end),
+            0.985,
+            f"{name}\n{percent(phase.share)}",
+            transform=over,
+            fontsize=SMALL - 0.5,
+            color=INK,
+            ha="center",
+            va="top",
+            zorder=4,
+            linespacing=1.3,
+        )
+        text.set_in_layout(False)
+        named.append((text, start, end))
+    figure.draw_without_rendering()
+    margin = 2.0 * MARGIN * figure.dpi / 72.0
+    for text, start, end in named:
+        left, right = axes.transData.transform([(start, 0.0), (end, 0.0)])[:, 0]
+        if text.get_window_extent().width + margin > right - left:
+            text.remove()
 
 
 def _heldout(axes: Axes, findings: Findings) -> None:
