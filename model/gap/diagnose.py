@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable
 
+import numpy as np
 import torch
 
 from model.gap.acts_on import Acting, acting
@@ -10,7 +11,7 @@ from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
 from model.gap.closure import closure
 from model.gap.closure import transfer as closed_there
-from model.gap.confirm import Fitted, confirm, refit
+from model.gap.confirm import Confirmed, Fitted, confirm, refit
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects import ALL_EFFECTS
 from model.gap.effects.base import Effect
@@ -19,15 +20,16 @@ from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.meeting import may_meet
 from model.gap.plain import PlainTwin
-from model.gap.signs import Signs, signs_of
+from model.gap.signs import SIGN_NAMES, Signs, signs_of
 from model.gap.study import Study, study
-from model.gap.transfer import transferred
-from model.gap.verdict import Judged, judged, second_of
+from model.gap.transfer import Transferred, transferred
+from model.gap.verdict import Judged, judged, second_of, support
+from model.schema import EffectName
 from model.simulator.pace import StabilityWarning
 from model.types import Observation
 
-CONFIRMED = 3
-"""Effects that are fitted: the likeliest ones."""
+CONFIRMED, EXPLAINING = 3, 2
+"""Effects that are fitted: the likeliest ones, and those that explain most."""
 BETTER = 0.95
 """Two effects are named where together they leave less than this share of what one leaves."""
 
@@ -74,7 +76,7 @@ def _diagnosed(
     signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)
     tell("confirm", 0.6)
     plain = refit(fitted)
-    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able)
+    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, other)
     tell("ceiling", 0.8)
     flexible = ceiling(fitted, plain)
     tell("where", 0.9)
@@ -92,12 +94,18 @@ def _tried(
     signs: Signs,
     evidence: Evidence,
     able: list[Effect],
+    other: Transferred | None,
 ) -> Tried:
     effects = {effect.name: effect for effect in able}
-    likely = [name for name in first.ranked if name in effects][:CONFIRMED]
     starts = _starts(signs, evidence)
-    confirmed = {name: confirm(fitted, plain, (effects[name],), starts[name]) for name in likely}
+    confirmed = {
+        name: confirm(fitted, plain, (effects[name],), starts[name]) for name in _likely(first, signs)
+    }
     verdict = first.doubting(confirmed, plain)
+    if other is not None:
+        verdict = verdict.seconded(
+            {name: _support(fitted, other, plain, one) for name, one in confirmed.items()}
+        )
     best = verdict.effect
     if best is None:
         return Tried(verdict, confirmed, None, None)
@@ -110,6 +118,19 @@ def _tried(
         if both.foretold.error < BETTER * alone and both.evidence > confirmed[best].evidence:
             return Tried(verdict, confirmed, second, both)
     return Tried(verdict, confirmed, None, confirmed[best])
+
+
+def _likely(first: Judged, signs: Signs) -> list[EffectName]:
+    """Those that the jury ranks first, and those that explain most where they are fitted."""
+    ranked = [name for name in first.ranked if name in signs.names][:CONFIRMED]
+    gain = signs.each[:, SIGN_NAMES.index("gain")]
+    most = [signs.names[i] for i in np.argsort(-gain, kind="stable")[:EXPLAINING]]
+    return list(dict.fromkeys([*ranked, *most]))
+
+
+def _support(fitted: Study, other: Transferred, plain: Fitted, one: Confirmed) -> float:
+    here, there = closure(fitted, plain, one).closure, closed_there(fitted, other, plain, one).closure
+    return support(here.closed_fraction, there.closed_fraction)
 
 
 def _starts(signs: Signs, evidence: Evidence) -> dict[str, dict[str, float]]:

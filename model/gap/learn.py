@@ -148,13 +148,13 @@ def _trained(juror: Juror, signs: list[Signs], targets: Array) -> Juror:
     return juror.eval()
 
 
-def folds(count: int, parts: int = 5) -> list[Int64[Array, " n"]]:
+def folds(count: int, parts: int = 5) -> list[Int64[Array, " _"]]:
     """Of equal size, the same for the same count."""
     order = np.random.default_rng(0).permutation(count)
     return [order[i::parts] for i in range(parts)]
 
 
-def cross_validated(lessons: Sequence[Lesson], parts: Sequence[Int64[Array, " n"]]) -> Float64[Array, "b k"]:
+def cross_validated(lessons: Sequence[Lesson], parts: Sequence[Int64[Array, " _"]]) -> Float64[Array, "b k"]:
     """Probabilities of each world by a jury that has not seen it, nor any of its part."""
     found = np.zeros((len(lessons), len(CLASSES)))
     for part in parts:
@@ -198,7 +198,7 @@ def _softened(logs: Array, temperature: float) -> Array:
 
 
 def with_caution(
-    probabilities: Float64[Array, "b k"], targets: Float64[Array, "b k"], parts: Sequence[Int64[Array, " n"]]
+    probabilities: Float64[Array, "b k"], targets: Float64[Array, "b k"], parts: Sequence[Int64[Array, " _"]]
 ) -> Float64[Array, "b k"]:
     """Held-out probabilities after caution that was learned on the other parts."""
     logs = np.log(np.maximum(probabilities, 1e-12))

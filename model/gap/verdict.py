@@ -18,6 +18,11 @@ ALIKE = 0.9
 """Cosine of two effects' signatures, beside the twin's own parameters, above which nobody can tell."""
 FAILED = 0.3
 """What is left of an effect's probability that makes held-out frames less likely and farther off."""
+USUAL, STEP = 0.12, 1.0 / 30.0
+"""Support at which the odds of an effect stay, and what changes them e-fold: chosen on development worlds
+(`benchmarks/reality`, MuJoCo), where most that are not at work stay below."""
+LIMITS = (-3.0, 5.0)
+"""Of the change of the odds' logarithm."""
 BESIDE, SECOND = 0.1, 0.2
 """A second effect has to explain this share beside the first, and to be this likely against it."""
 
@@ -53,6 +58,31 @@ class Judged:
                 chances[NONE] += 0.5 * lost
                 chances[UNKNOWN] += 0.5 * lost
         return Judged(chances)
+
+    def seconded(self, supported: Mapping[EffectName, float]) -> "Judged":
+        """After effects were tried on another interaction.
+
+        What an effect explains by accident - of another mesh, of a fit that went astray - it does not
+        explain there as well. Odds grow with the support beyond `USUAL`, and fall below it.
+
+        Args:
+            supported: `support` of each effect that was fitted.
+        """
+        chances = dict(self.chances)
+        for name, support in supported.items():
+            chances[name] *= float(np.exp(np.clip((support - USUAL) / STEP, *LIMITS)))
+        whole = sum(chances.values())
+        return Judged({name: chance / whole for name, chance in chances.items()})
+
+
+def support(here: float | None, there: float | None) -> float:
+    """Of an effect by the shares of the gap that it closes on two interactions: their geometric mean.
+
+    Zero where one of them is none, or where there is no gap that could be closed.
+    """
+    if here is None or there is None:
+        return 0.0
+    return float(np.sqrt(max(here, 0.0) * max(there, 0.0)))
 
 
 def judged(jury: Jury, signs: Signs) -> Judged:
