@@ -8,7 +8,9 @@ import torch
 
 from model.gap.bodies.body import body_of
 from model.gap.estimate import Estimate, Misfit, Span
+from model.gap.evidence import BLOCKS, Column, Evidence
 from model.gap.hypothesis import Hypothesis
+from model.gap.learn import Example
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.study import Study
@@ -99,7 +101,7 @@ def hung():
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def studied():
     """A function: what moves like a world with some effects, and the plain twin that lacks them, unfitted."""
     return _studied
@@ -140,7 +142,8 @@ def _fitted(study, effect, values, slopes=True):
     full = {name: quantity.start for name, quantity in misfit.coordinates.quantities.items()}
     vector = misfit.coordinates.vector({**full, **study.base.values, **values})
     if not slopes:
-        return replace(study.base, values=misfit.coordinates.values(vector), vector=vector)
+        flat = np.zeros((len(study.base.residuals), len(vector)))
+        return replace(study.base, values=misfit.coordinates.values(vector), vector=vector, jacobian=flat)
     residuals = misfit(vector[None])[0]
     return Estimate(misfit.coordinates.values(vector), vector, residuals, misfit.jacobian(vector), 0, True)
 
@@ -153,3 +156,54 @@ def pulled(hung):
     way = 0.04 * np.sin(9 * hung.times)[:, None, None] * np.array([1.0, 0.0, 0.0])
     hands = np.concatenate([left[None] - way, right[None] + way], 1)
     return replace(hung, controllers=hands.astype(np.float32))
+
+
+@pytest.fixture(scope="session")
+def short():
+    """A rope of 8 markers held by its upper end, which is shaken, as 16 frames that have not moved."""
+    places = np.stack([np.linspace(0.0, 0.12, 8), np.zeros(8), -np.linspace(0.0, 0.2, 8)], -1)
+    times = np.arange(16) / 30.0
+    swing = np.stack([0.05 * np.sin(12 * times), 0.06 * np.sin(9 * times), 0 * times], -1)
+    return Observation(
+        times=times,
+        points=np.repeat(places[None].astype(np.float32), len(times), 0),
+        controllers=(places[:1][None] + swing[:, None]).astype(np.float32),
+    )
+
+
+@pytest.fixture
+def made():
+    """A function: evidence of a few columns, each with what it changes, the innovations last."""
+    return _made
+
+
+def _made(ways, plain, cells=2 * BLOCKS):
+    """Columns as (kind, values, way), of as many residuals as `plain` has, in cells of equal size."""
+    matrix = np.stack([*(way for _, _, way in ways), plain], axis=1)
+    cell = np.arange(len(plain)) * cells // len(plain)
+    columns = (*(Column(kind, dict(values)) for kind, values, _ in ways), Column("plain", {}))
+    grams = np.stack([matrix[cell == c].T @ matrix[cell == c] for c in range(cells)])
+    return Evidence(columns, grams, np.bincount(cell, minlength=cells))
+
+
+@pytest.fixture
+def worlds():
+    """A function: examples of hand-made evidence, in which the way of the effect at work explains the gap."""
+    return _worlds
+
+
+def _worlds(count, seed=0, names=("plasticity", "wind", "gravity_tilt", "damage")):
+    """Every third is healthy: noise alone. Effects differ by nothing but how the innovations look."""
+    rng = np.random.default_rng(seed)
+    examples = []
+    for i in range(count):
+        ways = {name: rng.normal(size=600) for name in names}
+        twin = [("twin", {"stiffness": 0.0}, rng.normal(size=600)) for _ in range(2)]
+        sensors = [("sensor", {}, rng.normal(size=600)) for _ in range(2)]
+        noise = rng.normal(size=600)
+        acting = () if i % 3 == 0 else (names[int(rng.integers(len(names)))],)
+        plain = noise - sum((1.5 * ways[name] for name in acting), np.zeros(600))
+        made = _made([*twin, *sensors, *((name, {"size": 1.0}, way) for name, way in ways.items())], plain)
+        cost = float((plain**2).mean())
+        examples.append(Example(made, ("rope", "sheet", "solid")[i % 3], cost, bool(i % 2), acting, "made"))
+    return examples

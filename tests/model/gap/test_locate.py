@@ -42,7 +42,7 @@ def test_shares_make_a_report(halved):
 def test_it_is_where_it_was_put(halved):
     found = locate(halved)
     on_left = halved.observation.points[0, :, 0] < 0.12
-    assert found.points[on_left].mean() > 1.5 * found.points[~on_left].mean()
+    assert found.points[on_left].mean() > 1.2 * found.points[~on_left].mean()
     assert found.chance < 0.01
     assert found.warnings == ()
 

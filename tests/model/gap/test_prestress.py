@@ -36,5 +36,7 @@ def test_the_firmer_of_two_hands_bears_more():
     points = np.stack([0.1 * np.arange(3), np.zeros(3), np.zeros(3)], -1)
     weights = np.tile([0.0, 0.0, -1.0], (3, 1))
     springs = np.array([[0, 1], [1, 2]])
-    rest = resting(points + [[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]], springs, weights, np.array([1.0, 0.0, 0.3]))
+    rest = resting(
+        points + np.array([[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]]), springs, weights, np.array([1.0, 0.0, 0.3])
+    )
     assert rest.supports[0, 2] > rest.supports[2, 2] > 0.0

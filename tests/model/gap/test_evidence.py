@@ -1,0 +1,82 @@
+"""Inner products of what every probe changes: gathered by rollouts, the cause of a gap stands out in them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap.effects import GravityTilt, QuadraticAirDrag
+from model.gap.estimate import Misfit, Span
+from model.gap.evidence import BLOCKS, Column, gather
+from model.gap.screen import probes
+from model.gap.signs import SIGN_NAMES, signs_of
+
+DRAG = {"quadratic_air_drag.drag_per_mass": 10.0}
+TRIED = (QuadraticAirDrag(), GravityTilt())
+
+
+@pytest.fixture(scope="module")
+def rope(short, studied):
+    """What swings in air that the twin does not have."""
+    return studied(short, (QuadraticAirDrag(),), DRAG)
+
+
+@pytest.fixture(scope="module")
+def gathered(rope):
+    told = []
+    return gather(rope, TRIED, told.append), told
+
+
+def test_columns_are_the_twins_the_sensors_the_hands_the_probes_and_the_innovations(rope, gathered):
+    evidence, told = gathered
+    assert evidence.kinds == ("twin", "sensor", "hand", "quadratic_air_drag", "gravity_tilt", "plain")
+    names = [next(iter(evidence.columns[i].values)) for i in evidence.of("twin")]
+    assert names == list(rope.misfit.coordinates.names)
+    assert len(evidence.of("sensor")) == 12
+    for effect in TRIED:
+        assert [evidence.columns[i].values for i in evidence.of(effect.name)] == probes(effect)
+    assert evidence.of("plain") == [len(evidence.columns) - 1]
+    assert evidence.columns[-1] == Column("plain", {})
+    assert told == [0.0, 0.5]
+
+
+def test_all_frames_count_and_each_residual_once(rope, gathered):
+    evidence, _ = gathered
+    last = len(rope.observation.times) - 1
+    misfit = Misfit(rope.plain, rope.observer, Span(0, last), rope.noise)
+    plain = misfit(rope.base.vector[None])[0]
+    assert evidence.grams.shape == (2 * BLOCKS, len(evidence.columns), len(evidence.columns))
+    assert evidence.counts.sum() == len(plain)
+    assert evidence.grams[:, -1, -1].sum() == pytest.approx((plain**2).sum())
+
+
+def test_cells_are_of_time_and_of_distance_from_the_grip(rope, gathered):
+    """The upper half of the rope is near; frames are in five groups, the first of which has one less."""
+    evidence, _ = gathered
+    frames = np.arange(1, len(rope.observation.times)) * BLOCKS // len(rope.observation.times)
+    expected = np.repeat(3 * 4 * np.bincount(frames, minlength=BLOCKS), 2)
+    np.testing.assert_array_equal(evidence.counts, expected)
+
+
+def test_inner_products_are_of_real_columns(gathered):
+    for gram in gathered[0].grams:
+        np.testing.assert_allclose(gram, gram.T)
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-12))
+        assert np.linalg.eigvalsh(gram / size / size[:, None]).min() > -1e-8
+
+
+def test_what_is_missing_foretells_most(gathered):
+    signs = signs_of(gathered[0], "rope", 2.0, False)
+    foretold = dict(zip(signs.names, signs.each[:, SIGN_NAMES.index("foretold")], strict=True))
+    assert foretold["quadratic_air_drag"] > 0.2
+    assert foretold["quadratic_air_drag"] > foretold["gravity_tilt"] + 0.1
+
+
+def test_where_nothing_is_missing_nothing_foretells(short, studied):
+    signs = signs_of(gather(studied(short), TRIED), "rope", 1.0, False)
+    assert signs.each[:, SIGN_NAMES.index("foretold")].max() < 0.1
+
+
+def test_without_a_hand_there_is_no_column_of_one(short, studied):
+    free = replace(short, controllers=short.controllers[:, :0])
+    assert "hand" not in gather(studied(free), ()).kinds

@@ -1,0 +1,69 @@
+"""A cloth or a rope keeps large folds: a little stiffness, at ease as it is first seen."""
+
+import numpy as np
+import pytest
+import torch
+
+from model.gap.bodies.body import body_of
+from model.gap.slight_bending import SLIGHT, slight_bending
+from model.simulator.dynamics import Dynamics
+from model.simulator.system import State, System
+from model.types import Observation
+
+WEIGHT = 2.0
+
+
+def bent(term, places):
+    """Energy [J] and forces [N] of the term where its points are at these places."""
+    nothing = torch.zeros((0, 2), dtype=torch.long)
+    points = torch.from_numpy(places)
+    system = System(points=points, mass=1.0, springs=nothing, rest_length=torch.zeros(0))
+    dynamics = Dynamics(system, [term], [])
+    motion, values = dynamics.motion(State(points, torch.zeros_like(points)), None), dynamics.forces[0][1]
+    return float(term.energy(motion, values)), term.force(motion, values)
+
+
+def test_it_is_at_ease_as_first_seen(hung):
+    body = body_of(hung)
+    energy, force = bent(slight_bending(body, WEIGHT), body.points)
+    assert energy == pytest.approx(0.0, abs=1e-12)
+    assert float(force.abs().max()) < 1e-5 * WEIGHT
+
+
+def test_a_rope_that_was_curved_at_first_resists_being_straightened():
+    angle = np.linspace(0.0, 1.0, 15)
+    arc = 0.3 * np.stack([np.sin(angle), 1 - np.cos(angle), 0 * angle], -1)
+    points = np.repeat(arc[None].astype(np.float32), 4, 0)
+    body = body_of(Observation(np.arange(4) / 30.0, points, np.zeros((4, 0, 3), np.float32)))
+    assert body.shape == "rope"
+    term = slight_bending(body, WEIGHT)
+    steps = np.linalg.norm(np.diff(body.points, axis=0), axis=1)
+    straight = np.zeros_like(body.points)
+    straight[1:, 0] = steps.cumsum()
+    energy, force = bent(term, straight)
+    # B κ² / s of every row, κ the angle between two pieces and s both of them together
+    way = np.diff(body.points, axis=0) / steps[:, None]
+    turn = np.arccos(np.clip((way[1:] * way[:-1]).sum(1), -1, 1))
+    length = np.linalg.norm(np.ptp(body.points, axis=0))
+    stiffness = SLIGHT["rope"] * WEIGHT * length**2
+    direct = (stiffness * (2 * np.tan(turn / 2)) ** 2 / (steps[1:] + steps[:-1])).sum()
+    assert energy == pytest.approx(direct, rel=1e-3)
+    # so little that its weight bends it as if it were not there
+    assert float(force.abs().max()) < 0.01 * WEIGHT
+
+
+def test_it_grows_with_the_weight(hung):
+    body = body_of(hung)
+    one, two = (slight_bending(body, weight).value("bending_stiffness") for weight in (1.0, 2.0))
+    torch.testing.assert_close(two, 2 * one)
+
+
+def test_a_solid_and_a_body_without_rows_have_none(block, hung):
+    places = block.simulator.system.points.numpy()
+    points = np.repeat(places[None].astype(np.float32), 4, 0)
+    solid = body_of(Observation(np.arange(4) / 30.0, points, np.zeros((4, 0, 3), np.float32)), "solid")
+    assert slight_bending(solid, WEIGHT) is None
+    three = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.0, 0.1, 0]], np.float32)
+    corner = Observation(np.arange(4) / 30.0, np.repeat(three[None], 4, 0), np.zeros((4, 0, 3), np.float32))
+    apart = body_of(corner, "sheet")
+    assert slight_bending(apart, WEIGHT) is None

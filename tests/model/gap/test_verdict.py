@@ -1,0 +1,132 @@
+"""From probabilities to a verdict: doubts, look-alikes, a second effect."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap.classifier import CLASSES
+from model.gap.confirm import Confirmed, Fitted
+from model.gap.forecast import Forecast
+from model.gap.signs import signs_of
+from model.gap.verdict import FAILED, Judged, alike, isolability, second_of
+
+SIZE = 400
+
+
+def said(**chances):
+    """Of these, the rest shared alike by all others."""
+    rest = (1.0 - sum(chances.values())) / (len(CLASSES) - len(chances))
+    return Judged({name: chances.get(name, rest) for name in CLASSES})
+
+
+@pytest.fixture
+def ways():
+    """The tilt is the wind once stiffness has followed; damage is something else."""
+    rng = np.random.default_rng(7)
+    twin, wind, damage, slip = rng.normal(size=(4, SIZE))
+    return {
+        "twin": ("twin", {"stiffness": 0.0}, twin),
+        "wind": ("wind", {"x": 1.0}, wind + 30.0 * twin),
+        "gravity_tilt": ("gravity_tilt", {"about_x": 1.0}, -2.0 * wind + 0.1 * rng.normal(size=SIZE)),
+        "damage": ("damage", {"rate": 1.0}, damage),
+        "grip_slip": ("grip_slip", {"slip": 1.0}, slip),
+    }
+
+
+@pytest.fixture
+def two(made, ways):
+    """Wind and damage are at work together."""
+    plain = np.random.default_rng(8).normal(size=SIZE) - 2.0 * ways["wind"][2] - 1.0 * ways["damage"][2]
+    return made(list(ways.values()), plain)
+
+
+@pytest.fixture
+def fits(short, studied):
+    """A function: a plain twin and one with an effect that are this far off, and how likely the second is."""
+    study = studied(short)
+    frames, points = study.observation.points.shape[:2]
+
+    def foretold(error):
+        off = np.full((frames - 1, points), error)
+        return Forecast(1, np.zeros((frames - 1, points, 3)), off, np.zeros((frames, points, 3)))
+
+    def both(before, after, evidence):
+        found = study.misfit, study.base
+        return Fitted(*found, foretold(before)), Confirmed(*found, foretold(after), evidence, {}, ())
+
+    return both
+
+
+def test_the_best_is_the_likeliest():
+    judged = said(wind=0.5, none=0.3, damage=0.1)
+    assert (judged.best, judged.effect) == ("wind", "wind")
+    assert judged.ranked[:2] == ("wind", "damage")
+    assert len(judged.ranked) == len(CLASSES) - 2
+
+
+@pytest.mark.parametrize("answer", ["none", "unknown"])
+def test_none_and_unknown_name_no_effect(answer):
+    judged = said(**{answer: 0.5, "wind": 0.4})
+    assert (judged.best, judged.effect) == (answer, None)
+    assert judged.ranked[0] == "wind"
+
+
+def test_an_effect_that_foretells_worse_is_believed_less(fits):
+    plain, worse = fits(0.010, 0.012, -5.0)
+    before = said(wind=0.6, damage=0.2)
+    after = before.doubting({"wind": worse}, plain)
+    assert after.chances["wind"] == pytest.approx(FAILED * 0.6)
+    lost = 0.6 - after.chances["wind"]
+    for name in ("none", "unknown"):
+        assert after.chances[name] == pytest.approx(before.chances[name] + 0.5 * lost)
+    assert after.chances["damage"] == before.chances["damage"]
+    assert sum(after.chances.values()) == pytest.approx(1.0)
+    assert before.chances["wind"] == 0.6
+
+
+@pytest.mark.parametrize(("after", "evidence"), [(0.008, -5.0), (0.012, 5.0), (0.008, 5.0)])
+def test_who_foretells_better_in_any_way_is_not_doubted(fits, after, evidence):
+    plain, one = fits(0.010, after, evidence)
+    before = said(wind=0.6)
+    assert before.doubting({"wind": one}, plain).chances == before.chances
+
+
+def test_look_alikes_have_the_same_signature_beside_the_twins_own_parameters(two):
+    signs = signs_of(two, "sheet", 2.0, False)
+    assert alike(two, signs, "wind") == ("gravity_tilt",)
+    assert alike(two, signs, "gravity_tilt") == ("wind",)
+    assert alike(two, signs, "damage") == ()
+    assert alike(two, signs, "adhesion") == ()
+
+
+def test_isolability_is_the_cosine_of_what_projections_leave(two, ways):
+    signs = signs_of(two, "sheet", 2.0, False)
+    found = isolability(two, signs)
+    twin = ways["twin"][2]
+    left = [ways[name][2] - twin * (twin @ ways[name][2]) / (twin @ twin) for name in signs.names]
+    left = np.stack([each / np.linalg.norm(each) for each in left])
+    np.testing.assert_allclose(found, left @ left.T, atol=2e-3)
+    np.testing.assert_allclose(np.diag(found), 1.0)
+
+
+def test_a_second_effect_explains_what_the_first_leaves(two):
+    signs = signs_of(two, "sheet", 2.0, False)
+    assert second_of(said(wind=0.6, damage=0.3), signs, two) == "damage"
+
+
+def test_a_look_alike_is_no_second_effect_but_the_next_may_be(two):
+    signs = signs_of(two, "sheet", 2.0, False)
+    judged = said(wind=0.4, gravity_tilt=0.3, damage=0.2)
+    assert second_of(judged, signs, two) == "damage"
+
+
+def test_there_is_no_second_that_is_unlikely_explains_nothing_or_cannot_act(two):
+    signs = signs_of(two, "sheet", 2.0, False)
+    assert second_of(said(wind=0.9, damage=0.09), signs, two) is None
+    assert second_of(said(wind=0.5, grip_slip=0.4), signs, two) is None
+    assert second_of(said(adhesion=0.6, damage=0.3), signs, two) is None
+    alone = replace(
+        signs, names=("wind",), each=signs.each[-1:], probe=signs.probe[-1:], scale=signs.scale[-1:]
+    )
+    assert second_of(said(wind=0.5, damage=0.4), alone, two) is None
