@@ -23,6 +23,9 @@ from model.gap.report.style import (
 from model.gap.report.wording import REFITTED, millimetres, percent, percent_range, with_effect
 from model.gap.schema import Closure, GapReport
 
+ROUNDS = 8
+"""Until the room for what is written is about right."""
+
 
 def draw(findings: Findings) -> Figure:
     """The bars of this recording, and below them those of the second interaction."""
@@ -39,7 +42,23 @@ def draw(findings: Findings) -> Figure:
         _panel(axes, report, closure, intervals)
         axes.set_title(title, fontsize=LARGE, color=INK, fontweight="bold", loc="left")
     each[-1].set_xlabel("mean distance of visible points [mm]", fontsize=SMALL, color=INK)
+    _make_room(figure, list(each))
     return figure
+
+
+def _make_room(figure: Figure, each: list[Axes]) -> None:
+    """Widen the axes until what is written behind the bars fits into them."""
+    least = right = each[0].get_xlim()[1]
+    for _ in range(ROUNDS):  # room for the text leaves less for the bars, and the layout follows
+        figure.draw_without_rendering()
+        wide = each[0].get_window_extent().width
+        ends = [
+            text.get_position()[0] + 1.02 * right * text.get_window_extent().width / wide
+            for axes in each
+            for text in axes.texts
+        ]
+        right = max(least, *ends)
+        each[0].set_xlim(0.0, right)
 
 
 def _bars(report: GapReport, closure: Closure) -> list[tuple[str, str, float, str]]:
