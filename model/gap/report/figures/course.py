@@ -1,9 +1,13 @@
 """The gap over time: as it came, refitted, with the effect; phases shaded, held-out spans marked."""
 
+from itertools import product
+from textwrap import fill
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from matplotlib.transforms import blended_transform_factory
 
 from model.gap.report.findings import Findings
@@ -11,8 +15,12 @@ from model.gap.report.style import BAND, BASELINE, EFFECT, FLOOR, INK, REFIT, SM
 from model.gap.report.wording import REFITTED, percent, plain, with_effect
 from model.types import Array
 
-MARGIN = 3.0
+MARGIN = 1.5
 """Between a phase's name and its ends [pt]; a phase too narrow for its name gets none."""
+LETTERS = (SMALL - 0.5, SMALL - 1.5)
+"""Of the names of phases [pt]: the larger ones where there is room."""
+SHORT = 12
+"""Letters in a line of a name that is too long in lines that end at its commas."""
 
 FARTHEST = 4.0
 """In largest errors of the refitted twin; a twin that came with more is cut off."""
@@ -65,16 +73,15 @@ def _phases(axes: Axes, findings: Findings) -> None:
 def _names(figure: Figure, axes: Axes, findings: Findings) -> None:
     """Each phase's name and share of the gap at its top, where there is room; after all else is placed."""
     over = blended_transform_factory(axes.transData, axes.transAxes)
-    named = []
+    figure.draw_without_rendering()  # where the axes are, is only known now
+    margin = 2.0 * MARGIN * figure.dpi / 72.0
     for phase in findings.report.where.phases:
         start, end = max(phase.start_s, findings.times[0]), min(phase.end_s, findings.times[-1])
-        name = plain(phase.name).replace(", ", ",\n")
         text = axes.text(
             0.5 * (start + end),
             0.985,
-            f"{name}\n{percent(phase.share)}",
+            "",
             transform=over,
-            fontsize=SMALL - 0.5,
             color=INK,
             ha="center",
             va="top",
@@ -82,13 +89,18 @@ def _names(figure: Figure, axes: Axes, findings: Findings) -> None:
             linespacing=1.3,
         )
         text.set_in_layout(False)
-        named.append((text, start, end))
-    figure.draw_without_rendering()
-    margin = 2.0 * MARGIN * figure.dpi / 72.0
-    for text, start, end in named:
         left, right = axes.transData.transform([(start, 0.0), (end, 0.0)])[:, 0]
-        if text.get_window_extent().width + margin > right - left:
+        if not _fits(text, plain(phase.name), percent(phase.share), right - left - margin):
             text.remove()
+
+
+def _fits(text: Text, name: str, share: str, room: float) -> bool:
+    """Whether some letters and lines of a name, with its share below, are no wider than this [pixels]."""
+    for size, lines in product(LETTERS, (name.replace(", ", ",\n"), fill(name, SHORT))):
+        text.set(text=f"{lines}\n{share}", fontsize=size)
+        if text.get_window_extent().width <= room:
+            return True
+    return False
 
 
 def _heldout(axes: Axes, findings: Findings) -> None:
@@ -125,4 +137,4 @@ def _top(errors: list[Float[Array, " T"]]) -> float:
     finite = [error[np.isfinite(error)] for error in errors]
     largest = [float(error.max()) if len(error) else 0.0 for error in finite]
     shown = min(max(largest), FARTHEST * max(largest[1:]))
-    return 1.3e3 * max(shown, 1e-5)
+    return 1.36e3 * max(shown, 1e-5)

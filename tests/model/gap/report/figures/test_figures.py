@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -119,6 +120,30 @@ def test_the_course_has_the_errors_the_phases_and_what_was_held_out(findings):
         assert phase.name in words
     spans = [tuple(line.get_xdata()) for line in axes.lines if len(line.get_xdata()) == 2]
     assert findings.report.gap.heldout[0] in spans
+
+
+def test_names_of_phases_keep_within_them(findings):
+    ends = [0.0, 0.1, 0.35, 0.7, 1.0, 2.0, float(findings.times[-1])]
+    names = ["lifted", "let back", "stretched", "held still", "held still, touching the ground", "free"]
+    phases = tuple(
+        findings.report.where.phases[0].model_copy(
+            update={"name": name, "start_s": start, "end_s": end, "share": 0.1}
+        )
+        for name, (start, end) in zip(names, pairwise(ends), strict=True)
+    )
+    where = findings.report.where.model_copy(update={"phases": phases})
+    case = replace(findings, report=findings.report.model_copy(update={"where": where}))
+    figure = course.draw(case)
+    figure.draw_without_rendering()
+    axes = figure.axes[0]
+    boxes = {text.get_text(): text.get_window_extent() for text in axes.texts if "%" in text.get_text()}
+    assert "held still,\ntouching the ground\n10 %" in boxes
+    assert "free\n10 %" in boxes
+    assert not any(text.startswith(("lifted", "let back")) for text in boxes)
+    for text, box in boxes.items():
+        phase = phases[names.index(text.rsplit("\n", 1)[0].replace("\n", " "))]
+        left, right = axes.transData.transform([(phase.start_s, 0.0), (phase.end_s, 0.0)])[:, 0]
+        assert left < box.x0 < box.x1 < right
 
 
 def test_a_twin_that_came_far_off_does_not_flatten_the_others(findings):

@@ -1,0 +1,95 @@
+"""The plain twin of a study: what it is fitted to, where fits begin, that they end well."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap.estimate import FIRST_HORIZON, Span, estimate
+from model.gap.study import SPREAD, STARTS, STEPS, best_fit, starts_of, study
+
+
+@pytest.fixture(scope="module")
+def rope(short, studied):
+    """A rope that swings, four times softer than it is taken for; two points are lost for a while."""
+    observation = studied(short, softer=0.25, noise=5e-4).observation
+    points = observation.points.copy()
+    points[5:9, 2:4] = np.nan
+    return replace(observation, points=points)
+
+
+@pytest.fixture(scope="module")
+def found(rope):
+    return study(rope)
+
+
+def test_the_end_is_held_out(found, rope):
+    assert found.split == round(0.7 * len(rope.times))
+    assert (found.misfit.span.first, found.misfit.span.last) == (0, found.split - 1)
+    assert found.start == {name: q.start for name, q in found.plain.quantities.items()}
+
+
+def test_residuals_are_of_points_that_were_seen(found, rope):
+    seen = np.isfinite(rope.points[: found.split, :, 0])
+    seen[0] = False
+    np.testing.assert_array_equal(found.seen, seen)
+    frames = found.frame_of_residuals()
+    assert frames.shape == found.base.residuals.shape == (3 * seen.sum(),)
+    np.testing.assert_array_equal(np.bincount(frames, minlength=found.split), 3 * seen.sum(1))
+    field = found.residuals(found.base)
+    assert field.shape == (found.split, rope.points.shape[1], 3)
+    assert not field[~seen].any()
+    np.testing.assert_array_equal(field[seen].ravel(), found.base.residuals)
+
+
+def test_fits_begin_with_what_the_twin_came_with_and_all_around_it(found):
+    starts = starts_of(found.misfit, found.start)
+    coordinates = found.misfit.coordinates
+    low, high = coordinates.bounds
+    assert starts.shape == (STARTS + 1, len(coordinates.names))
+    np.testing.assert_array_equal(starts[0], coordinates.vector(found.start))
+    assert (starts >= low).all()
+    assert (starts <= high).all()
+    assert len(np.unique(starts, axis=0)) == len(starts)
+    stiffness = coordinates.names.index("stiffness")
+    away = starts[:, stiffness] - starts[0, stiffness]
+    assert -SPREAD["stiffness"] <= away.min() < -0.8 * SPREAD["stiffness"]
+    assert 0.8 * SPREAD["stiffness"] < away.max() <= SPREAD["stiffness"]
+
+
+def test_a_twin_that_comes_with_extreme_values_has_starts_within_its_bounds(found):
+    edge = {name: quantity.bounds[1] for name, quantity in found.plain.quantities.items()}
+    starts = starts_of(found.misfit, edge)
+    low, high = found.misfit.coordinates.bounds
+    assert (starts >= low).all()
+    assert (starts <= high).all()
+
+
+def test_a_sheets_gradient_begins_even(hung, studied):
+    misfit = studied(hung).misfit
+    start = {name: quantity.start for name, quantity in misfit.coordinates.quantities.items()}
+    starts = starts_of(misfit, start)
+    columns = [i for i, name in enumerate(misfit.coordinates.names) if name.startswith("gradient")]
+    assert columns
+    assert not starts[:, columns].any()
+
+
+def test_the_fit_is_at_least_as_good_as_from_the_start_alone(found):
+    misfit = found.misfit.of(found.plain)
+    first = misfit.coordinates.vector(found.start)
+    quarter = max(FIRST_HORIZON, found.split // 4)
+    alone = estimate(misfit, first[None], STEPS, quarter)
+    untouched = float((misfit(first[None]) ** 2).mean())
+    assert found.base.cost < 0.5 * untouched
+    assert found.base.cost <= 1.02 * alone.cost
+
+
+def test_one_start_more_cannot_harm(found, monkeypatch):
+    """The better of two is taken: with one that is followed the fit is no better."""
+    monkeypatch.setattr("model.gap.study.STARTS", 5)
+    monkeypatch.setattr("model.gap.study.FOLLOWED", 1)
+    one = best_fit(found.misfit.of(found.plain).until(6), found.start)
+    monkeypatch.setattr("model.gap.study.FOLLOWED", 2)
+    two = best_fit(found.misfit.of(found.plain).until(6), found.start)
+    assert two.cost <= one.cost
+    assert found.misfit.span == Span(0, found.split - 1)
