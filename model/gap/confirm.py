@@ -95,14 +95,14 @@ def confirm(
     )
 
 
-def fitted(study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"]) -> Fitted:
+def fitted(study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"], steps: int = STEPS) -> Fitted:
     """From a start near a fitted plain twin, over all frames at once, in as many steps as any fit gets.
 
     Growing horizons are for who starts far away: from here they lead astray as often as they help, and the
     fit would no longer be sure to end at least as well as it began.
     """
     misfit = study.misfit.of(hypothesis)
-    found = estimate(misfit, start[None], STEPS, study.split)
+    found = estimate(misfit, start[None], steps, study.split)
     return Fitted(misfit, found, forecast(study.observer, hypothesis.at(found.values), study.split))
 
 

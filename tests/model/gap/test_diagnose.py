@@ -1,0 +1,94 @@
+"""One diagnosis from end to end on a small rope, with three effects in the catalogue: the contract holds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap import diagnose as module
+from model.gap.classifier import CLASSES, Jury
+from model.gap.diagnose import diagnose
+from model.gap.effects import GravityTilt, GroundAdhesion, QuadraticAirDrag
+from model.gap.schema import EFFECT_NAMES, GapReport
+
+STICKY = {"adhesion.pull_per_mass": 60.0, "adhesion.reach": 0.01}
+TRIED = (QuadraticAirDrag, GravityTilt, GroundAdhesion)
+
+
+@pytest.fixture
+def sure(monkeypatch):
+    """A function: from now on juries are sure of this, and the catalogue is small."""
+
+    def of(answer):
+        class Sure(Jury):
+            def probabilities(self, signs):
+                rest = 0.2 / (len(CLASSES) - 1)
+                return np.array([[0.8 if name == answer else rest for name in CLASSES] for _ in signs])
+
+        monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
+        monkeypatch.setattr(module, "ALL_EFFECTS", TRIED)
+        monkeypatch.setattr(module, "CONFIRMED", 1)
+        monkeypatch.setattr("model.gap.study.STARTS", 6)
+
+    return of
+
+
+@pytest.fixture
+def swinging(short, studied):
+    """In air that the twin does not have."""
+    effect = (QuadraticAirDrag(),)
+    return studied(short, effect, {"quadratic_air_drag.drag_per_mass": 10.0}, softer=1.0).observation
+
+
+def holds(diagnosis, observation):
+    """What contract 5 asks of every report."""
+    report = diagnosis.findings.report
+    assert GapReport.model_validate(report.model_dump(by_alias=True)) == report
+    frames, points = observation.points.shape[:2]
+    assert sum(report.where.points) == pytest.approx(1.0)
+    assert sum(report.where.frames) == pytest.approx(1.0)
+    assert (len(report.where.points), len(report.where.frames)) == (points, frames)
+    assert [one.probability for one in report.effects] == sorted(
+        (one.probability for one in report.effects), reverse=True
+    )
+    assert {one.name for one in report.effects} == set(EFFECT_NAMES)
+    assert sum(one.probability for one in report.effects) <= 1.0
+    assert sum(report.sources.model_dump().values()) == pytest.approx(1.0)
+    assert report.gap.heldout[-1][1] == pytest.approx(observation.times[-1])
+    assert diagnosis.findings.observed.shape == diagnosis.findings.before.shape
+    return report
+
+
+def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
+    sure("unknown")
+    told = []
+    diagnosis = diagnose(swinging, progress=lambda stage, share: told.append((stage, share)))
+    report = holds(diagnosis, swinging)
+    assert report.verdict.effect == "unknown"
+    assert report.verdict.probability >= 0.8
+    assert set(report.where.acts_on) == {0.0}
+    assert report.gap.with_effect is None
+    assert (diagnosis.effects, diagnosis.fitted) == ((), None)
+    shares = [share for _, share in told]
+    assert shares == sorted(shares)
+    assert [*dict.fromkeys(stage for stage, _ in told)] == [
+        *("refit", "screen", "confirm", "ceiling", "where", "report")
+    ]
+    assert any("adhesion" in warning for warning in report.warnings)
+
+
+def test_an_effect_of_the_ground_goes_to_a_recording_without_one(short, studied, sure):
+    """It has nothing to act on there: the body is carried over all the same."""
+    sure("adhesion")
+    low = replace(short, ground_height=float(short.points[0, :, 2].min()))
+    seen = studied(low, (GroundAdhesion(),), STICKY, softer=1.0).observation
+    other = studied(short, softer=1.0).observation
+    diagnosis = diagnose(seen, transfer=other)
+    report = holds(diagnosis, seen)
+    assert report.verdict.effect == "adhesion"
+    assert report.gap.transfer is not None
+    assert np.isfinite([report.gap.transfer.refit, report.gap.transfer.with_effect]).all()
+    assert max(report.where.acts_on) == 1.0
+    assert [record.name for record in diagnosis.effects] == ["adhesion"]
+    assert set(report.finding("adhesion").parameters) == {"pull_per_mass", "reach"}
+    assert set(diagnosis.fitted) >= {"stiffness", "adhesion.pull_per_mass"}
