@@ -86,8 +86,11 @@ class GripSlip(Effect):
         return world.with_force(SlippingGrip(stiffness, values["slip_rate"], values["load_limit"] * share))
 
     def strength(self, world: World, values: Values, where: Field | None = None) -> Field:
-        """The points that are held."""
-        held = torch.zeros(len(world.system.points), dtype=torch.float64)
+        """The points that are held, each by how firmly: a hand fades out over a few of them."""
+        grip = world.simulator.force("controller_spring")
+        assert isinstance(grip, ControllerSpring)
         edges = world.system.edges
-        held[edges.first[edges.spring_count :]] = 1.0
-        return held
+        points = edges.first[edges.spring_count :]
+        firmness = grip.value("stiffness").detach().double().expand(len(points))
+        held = torch.zeros(len(world.system.points), dtype=torch.float64)
+        return held.scatter_reduce(0, points, firmness / firmness.max(), "amax")
