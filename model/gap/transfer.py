@@ -1,5 +1,6 @@
 """A fitted body in another recording of the same object, in which the same points were tracked."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,7 +96,10 @@ def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3
             "give one in which the same points were tracked, in the same order"
         )
     here, there = before[both], after[both]
-    turn = Rotation.align_vectors(there - there.mean(0), here - here.mean(0))[0]
+    with warnings.catch_warnings():
+        # a straight rope may be rolled about itself by any angle, its points stay where they are
+        warnings.filterwarnings("ignore", "Optimal rotation", UserWarning)
+        turn = Rotation.align_vectors(there - there.mean(0), here - here.mean(0))[0]
     points: Float64[Array, "P 3"] = turn.apply(body.points - here.mean(0)) + there.mean(0)
     index, weight = body.index[both], body.weight[both]
     apart = np.linalg.norm(body.points[:, None] - here[None], axis=-1)

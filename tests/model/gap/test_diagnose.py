@@ -59,6 +59,7 @@ def holds(diagnosis, observation):
     return report
 
 
+@pytest.mark.slow
 def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
     sure("unknown")
     told = []
@@ -77,6 +78,7 @@ def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
     assert any("adhesion" in warning for warning in report.warnings)
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_ground_goes_to_a_recording_without_one(short, studied, sure):
     """It has nothing to act on there: the body is carried over all the same."""
     sure("adhesion")
