@@ -228,7 +228,8 @@ def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
     if not len(body.grip):
         return np.zeros(0, np.int64)
     places = observation.controllers[0].astype(np.float64)
-    places = places[np.unique(body.grip[:, 0])]
+    near = cKDTree(body.points[np.unique(body.grip[:, 1])]).query(places)[0] <= 1.5 * body.spacing
+    places = places[near] if near.any() else places
     tree = cKDTree(body.points)
     few = min(UPRIGHT[body.shape], len(body.points))
     held = {int(i) for near in tree.query_ball_point(places, 1.5 * body.spacing) for i in near}

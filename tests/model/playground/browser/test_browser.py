@@ -69,7 +69,12 @@ def test_a_click_pins_a_control_point_and_one_with_shift_removes_it(play):
 def test_the_command_serves_until_it_is_interrupted(green_twin, free_port):
     matphys = Path(sys.executable).parent / "matphys"
     command = [str(matphys), "view", str(green_twin), "--port", str(free_port)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    # who started these tests in the background may have made them, and what they start, deaf to Ctrl-C
+    heard = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    finally:
+        signal.signal(signal.SIGINT, heard)
     try:
         assert process.stdout.readline() == f"http://127.0.0.1:{free_port} (end with Ctrl-C)\n"
         with urllib.request.urlopen(f"http://127.0.0.1:{free_port}/", timeout=30) as page:
