@@ -23,8 +23,6 @@ from safetensors.torch import save_file
 
 from model.gap.benchmark.labels import PLAIN, open_labels
 from model.gap.classifier import UNKNOWN
-from model.gap.effects import ALL_EFFECTS
-from model.gap.effects.base import Effect
 from model.gap.evidence import gather
 from model.gap.learn import (
     Example,
@@ -38,7 +36,7 @@ from model.gap.learn import (
     with_caution,
     write_example,
 )
-from model.gap.meeting import may_meet
+from model.gap.meeting import able_effects
 from model.gap.schema import EFFECT_NAMES
 from model.gap.study import study
 from model.gap.worlds import make_world, random_effects
@@ -53,14 +51,10 @@ def example_of(observation: Observation, effects: Sequence[str], group: str) -> 
     """The evidence of one world."""
     torch.set_num_threads(1)
     fitted = study(observation)
-    world = fitted.plain.at(fitted.base.values)
-    able: list[Effect] = [kind() for kind in ALL_EFFECTS]
-    able = [effect for effect in able if effect.unable(world) is None]
-    able = [effect for effect in able if effect.name != "self_collision" or may_meet(fitted)]
     ground = observation.ground_height is not None
     named = tuple(name if name in EFFECT_NAMES else UNKNOWN for name in effects)
     shape = fitted.plain.twin.body.shape
-    return Example(gather(fitted, able), shape, fitted.base.cost, ground, named, group)
+    return Example(gather(fitted, able_effects(fitted)), shape, fitted.base.cost, ground, named, group)
 
 
 def own(seed: int, out: Path) -> str:

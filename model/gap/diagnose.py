@@ -13,12 +13,11 @@ from model.gap.closure import closure
 from model.gap.closure import transfer as closed_there
 from model.gap.confirm import Confirmed, Fitted, confirm, refit
 from model.gap.diagnosis import Diagnosis
-from model.gap.effects import ALL_EFFECTS
 from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence, gather
 from model.gap.found import Found, Tried
 from model.gap.locate import locate
-from model.gap.meeting import may_meet
+from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
 from model.gap.signs import SIGN_NAMES, Signs, signs_of
 from model.gap.study import Study, study
@@ -67,10 +66,7 @@ def _diagnosed(
     fitted = study(observation, twin)
     other = None if transfer is None else transferred(fitted, transfer)
     tell("screen", 0.2)
-    world = fitted.plain.at(fitted.base.values)
-    able: list[Effect] = [kind() for kind in ALL_EFFECTS]
-    able = [effect for effect in able if effect.unable(world) is None]
-    able = [effect for effect in able if effect.name != "self_collision" or may_meet(fitted)]
+    able = able_effects(fitted)
     evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.4 * share))
     body = fitted.plain.twin.body
     signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)

@@ -1,8 +1,11 @@
-"""Whether parts of an object that are far apart at rest ever come near each other."""
+"""Effects that can act in a recording: whether parts that are far apart at rest ever come near each other."""
 
 import numpy as np
 
 from model.gap.bodies.body import first_places
+from model.gap.effects import ALL_EFFECTS
+from model.gap.effects.base import Effect
+from model.gap.effects.self_collision import SelfContact
 from model.gap.study import Study
 
 APART, NEAR = 3.5, 1.0
@@ -11,6 +14,14 @@ EVERY = 4
 """Frames."""
 PAIRS = 2
 """Fewer may be a wrong track."""
+
+
+def able_effects(study: Study) -> list[Effect]:
+    """What a fitted twin may lack: juries are trained on these and diagnoses try these."""
+    world = study.plain.at(study.base.values)
+    every: list[Effect] = [kind() for kind in ALL_EFFECTS]
+    able = [effect for effect in every if effect.unable(world) is None]
+    return [effect for effect in able if not isinstance(effect, SelfContact) or may_meet(study)]
 
 
 def may_meet(study: Study) -> bool:

@@ -26,7 +26,7 @@ def sure(monkeypatch):
                 return np.array([[0.8 if name == answer else rest for name in CLASSES] for _ in signs])
 
         monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
-        monkeypatch.setattr(module, "ALL_EFFECTS", TRIED)
+        monkeypatch.setattr("model.gap.meeting.ALL_EFFECTS", TRIED)
         monkeypatch.setattr(module, "CONFIRMED", 1)
         monkeypatch.setattr("model.gap.study.STARTS", 6)
 
