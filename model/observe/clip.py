@@ -12,6 +12,7 @@ from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.parameters import gravity, ground_height
 from model.lifting import visible_gaussians
+from model.observe.lift import controllers_at, inside_masks, lift
 from model.prompt import read_prompt
 from model.segmentation import Segmenter
 from model.skinning import Skin
@@ -125,14 +126,14 @@ def lift_tracks(
     key = masks.keyframe
     fitted = _fitted(camera, masks.object.shape[1:])
     count = len(times)
-    controllers = _controllers(twin, times)
+    controllers = controllers_at(twin, times)
     held = controllers if controllers.shape[1] else None
     moved = twin.rollout(held, times=times).points
     carried = _carried(twin, chosen, moved)
-    _, depth = fitted.project(carried)
     pixels = tracks.points[key : key + count]
-    points = fitted.unproject(pixels, depth).astype(np.float32)
-    points[~(tracks.visible[key : key + count] & _inside(masks.object[key : key + count], pixels))] = np.nan
+    points = lift(fitted, pixels, carried)
+    seen = tracks.visible[key : key + count] & inside_masks(masks.object[key : key + count], pixels)
+    points[~seen] = np.nan
     warnings.warn(
         "depth comes from the twin: what differs along the line of sight cannot be seen by one camera",
         stacklevel=2,
@@ -145,18 +146,6 @@ def lift_tracks(
         gravity=gravity(twin.parameters),
         colors=(np.clip(twin.gaussians.colors[chosen], 0.0, 1.0) * 255.0).round().astype(np.uint8),
     )
-
-
-def _controllers(twin: TwinBundle, times: Float64[Array, " T"]) -> Float32[Array, "T C 3"]:
-    """The recorded motion of the hand at `times`; where nothing was recorded, it stays where it is."""
-    if twin.controls is None or twin.manifest.source.fps is None:
-        still: Float32[Array, "T C 3"] = np.repeat(twin.topology.controller_points[None], len(times), axis=0)
-        return still
-    known = np.arange(len(twin.controls)) / twin.manifest.source.fps
-    flat = twin.controls.reshape(len(known), -1)
-    columns = [np.interp(times, known, flat[:, k]) for k in range(flat.shape[1])]
-    motion = np.stack(columns, axis=1) if columns else np.zeros((len(times), 0))
-    return motion.reshape(len(times), -1, 3).astype(np.float32)
 
 
 def _carried(
@@ -177,16 +166,6 @@ def _fitted(camera: Camera, size: Sequence[int]) -> Camera:
         intrinsics[row, :2] *= factor
         intrinsics[row, 2] = (intrinsics[row, 2] + 0.5) * factor - 0.5
     return Camera(intrinsics, camera.world_from_camera, width, height)
-
-
-def _inside(mask: Bool[Array, "T H W"], pixels: Float32[Array, "T N 2"]) -> Bool[Array, "T N"]:
-    height, width = mask.shape[1:]
-    whole = np.nan_to_num(pixels, nan=-1.0).round().astype(np.int64)
-    x, y = whole[..., 0], whole[..., 1]
-    within: Bool[Array, "T N"] = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    frame = np.broadcast_to(np.arange(len(mask))[:, None], x.shape)
-    within[within] = mask[frame[within], y[within], x[within]]
-    return within
 
 
 def _spread(points: Float32[Array, "n 3"], count: int) -> Int[Array, " m"]:
