@@ -1,10 +1,11 @@
-"""Tracks of a clip and the twin made so far → what its points were seen doing."""
+"""Tracks of a clip and the twin made so far → a case, as predictors read them."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
-from jaxtyping import Float32, Float64
+from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from model.bundle import TwinBundle
@@ -13,27 +14,20 @@ from model.formats.parameters import gravity, ground_height
 from model.lifting import visible_gaussians
 from model.observe.lift import controllers_at, inside_masks, lift
 from model.scenes.anchors import anchor
-from model.scenes.case import Anchors
+from model.scenes.case import Case
 from model.scenes.replay import observed
-from model.types import Array, Camera, Masks, Observation, Tracks
-
-
-@dataclass(frozen=True)
-class SeenMotion:
-    """What a predictor gets to know of the motion in a clip, from the keyframe on."""
-
-    observation: Observation
-    rest: Float32[Array, "N 3"]
-    """Where the observed points are on the keyframe [m]."""
-    anchors: Anchors
-    """The mass points that each of them hangs on."""
-    camera: Camera
-    """What saw it: the depth of the points is the twin's."""
+from model.types import Array, Camera, Masks, MaterialPrior, Observation, ShapeClass, Tracks
 
 
 def observe_tracks(
-    twin: TwinBundle, camera: Camera, tracks: Tracks, masks: Masks, times: Float64[Array, " T"]
-) -> SeenMotion:
+    twin: TwinBundle,
+    priors: Sequence[MaterialPrior],
+    shape_class: ShapeClass,
+    camera: Camera,
+    tracks: Tracks,
+    masks: Masks,
+    times: Float64[Array, " T"],
+) -> Case:
     """Lift the tracks of a clip onto a twin that has its hand but not yet its parameters.
 
     A track starts at the depth of the nearest Gaussian that is seen beside it on the keyframe, and hangs on
@@ -42,6 +36,8 @@ def observe_tracks(
 
     Args:
         twin: Points, springs, first parameters and the motion of the hand, if there is one.
+        priors: One per part.
+        shape_class: Sheet, rope or solid.
         camera: Of the clip.
         tracks: Of points of the object, through all frames [px].
         masks: Object and hand in all frames.
@@ -66,17 +62,28 @@ def observe_tracks(
     shown = slice(key, key + len(times))
     points = lift(camera, tracks.points[shown], moved)
     points[~(tracks.visible[shown] & inside_masks(masks.object[shown], tracks.points[shown]))] = np.nan
-    return SeenMotion(
-        Observation(
-            times=times,
-            points=points,
-            controllers=controls,
-            ground_height=ground_height(twin.parameters),
-            gravity=gravity(twin.parameters),
-        ),
-        rest.astype(np.float32),
-        anchors,
-        camera,
+    observation = Observation(
+        times=times,
+        points=points,
+        controllers=controls,
+        ground_height=ground_height(twin.parameters),
+        gravity=gravity(twin.parameters),
+    )
+    name = twin.manifest.source.name or "clip"
+    return Case(
+        name=name,
+        object_name=name,
+        object_class="unknown",
+        interaction="unknown",
+        shape_class=shape_class,
+        topology=twin.topology,
+        priors=tuple(priors),
+        observation=observation,
+        rest=rest.astype(np.float32),
+        anchors=anchors,
+        split=len(times),
+        camera=camera,
+        gaussians=twin.gaussians,
     )
 
 

@@ -7,7 +7,8 @@ import pytest
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.observe.tracks import observe_tracks
-from model.types import Camera, Masks, Tracks
+from model.priors.materials import combine
+from model.types import Camera, Masks, MaterialPrior, Tracks
 from model.views import look_at
 
 SIZE = (240, 320)
@@ -36,10 +37,15 @@ def _clip(bundle: TwinBundle, camera: Camera) -> tuple[np.ndarray, Tracks, Masks
     return moved[:, near], tracks, Masks(inside, ~inside, keyframe=KEY)
 
 
+def _priors(bundle: TwinBundle) -> list[MaterialPrior]:
+    even = np.full(10, 0.1)
+    return [MaterialPrior(even, combine(even, "solid"), "solid")] * (int(bundle.topology.part.max()) + 1)
+
+
 def test_what_moves_like_the_twin_is_seen_where_the_twin_is(bundle: TwinBundle, camera: Camera):
     moved, tracks, masks = _clip(bundle, camera)
     times = np.arange(len(moved)) / 30.0
-    seen = observe_tracks(bundle, camera, tracks, masks, times)
+    seen = observe_tracks(bundle, _priors(bundle), "solid", camera, tracks, masks, times)
     assert np.isfinite(seen.observation.points).all()
     np.testing.assert_allclose(seen.rest, seen.observation.points[0], atol=1e-4)
     # Gaussians beside the point on the keyframe are not exactly as deep as the point
@@ -57,7 +63,9 @@ def test_what_is_hidden_is_not_seen(bundle: TwinBundle, camera: Camera):
     inside[4, y, x] = False
     times = np.arange(len(moved)) / 30.0
     masks = Masks(inside, ~inside, keyframe=KEY)
-    seen = observe_tracks(bundle, camera, replace(tracks, visible=visible), masks, times)
+    seen = observe_tracks(
+        bundle, _priors(bundle), "solid", camera, replace(tracks, visible=visible), masks, times
+    )
     hidden = np.isnan(seen.observation.points).any(axis=2)
     assert hidden[3 - KEY, 2]
     assert hidden[4 - KEY, 0]
@@ -67,4 +75,6 @@ def test_a_mask_beside_the_twin_is_refused(bundle: TwinBundle, camera: Camera):
     moved, tracks, masks = _clip(bundle, camera)
     nothing = Masks(np.zeros_like(masks.object), masks.hand, keyframe=KEY)
     with pytest.raises(InputError, match="no point of the twin is seen"):
-        observe_tracks(bundle, camera, tracks, nothing, np.arange(len(moved)) / 30.0)
+        observe_tracks(
+            bundle, _priors(bundle), "solid", camera, tracks, nothing, np.arange(len(moved)) / 30.0
+        )
