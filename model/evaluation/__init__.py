@@ -1,0 +1,1 @@
+"""How well a method knows an object it saw move: metrics, settings, baselines, tables."""

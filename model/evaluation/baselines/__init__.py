@@ -1,0 +1,1 @@
+"""Methods that a predictor is measured against, one per file."""
