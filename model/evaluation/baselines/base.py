@@ -18,8 +18,8 @@ class PartBelief(NamedTuple):
     log_modulus: Float64[Array, " K"]
     """Mean of ln E, E in Pa: such that `lattice_stiffness` of E, with volumes by the mean densities of the
     priors that the method was given, is the stiffness it means."""
-    log_spread: Float64[Array, " K"]
-    """Standard deviation of ln E."""
+    log_spread: Float64[Array, " K"] | None = None
+    """Standard deviation of ln E; None where the method says nothing of how sure it is."""
 
 
 @runtime_checkable
