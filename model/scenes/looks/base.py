@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Self, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from jaxtyping import Float64
@@ -48,7 +48,7 @@ class Look(ABC):
     finish: ClassVar[Finish]
 
     @classmethod
-    def draw(cls, rng: np.random.Generator) -> Self:
+    def draw(cls, rng: np.random.Generator) -> "Look":
         """A piece in one of its colours."""
         dye = np.array(cls.dyes[int(rng.integers(len(cls.dyes)))])
         dye = np.clip(dye * np.exp(rng.normal(0, VARIETY)) * np.exp(rng.normal(0, 0.03, 3)), 0.03, 0.97)

@@ -59,7 +59,7 @@ def stripes(along: Float64[Array, " P"], period: float, width: float = 0.5) -> F
 
 
 def blend(
-    under: Float64[Array, "*P 3"], over: Float64[Array, "*P 3"], share: Float64[Array, " P"]
+    under: Float64[Array, "*under 3"], over: Float64[Array, "*over 3"], share: Float64[Array, " P"]
 ) -> Float64[Array, "P 3"]:
     """`over` where the share is 1, `under` where it is 0."""
     blended: Float64[Array, "P 3"] = under + share[:, None] * (over - under)
