@@ -53,12 +53,24 @@ def lattice_stiffness(
         Szymczak (2015), Elastic moduli of simple mass spring models (E from Σ k L², Poisson's ratio 1/4);
         Jiang et al. (2025), PhysTwin (k = Y/L).
     """
+    shares = lattice_shares(topology, len(modulus), shape_class)
+    ends = topology.part[topology.springs]
+    stiffness: Float64[Array, " E"] = (shares * (modulus * volume)[ends]).sum(axis=1)
+    return stiffness
+
+
+def lattice_shares(topology: Topology, parts: int, shape_class: ShapeClass) -> Float64[Array, "E 2"]:
+    """What each end's part adds to a spring's stiffness per modulus × volume of that part [1/m²].
+
+    It depends on the network alone, so it is found once for many beliefs about the materials; see
+    `lattice_stiffness`, which sums it up.
+    """
     length = topology.rest_length.astype(np.float64)
     ends = topology.part[topology.springs]
 
     def per_part(values: Float64[Array, "E 2"]) -> Float64[Array, " K"]:
         # half of every spring belongs to each of its ends, so half of a border spring to each part
-        total: Float64[Array, " K"] = np.bincount(ends.ravel(), 0.5 * values.ravel(), minlength=len(modulus))
+        total: Float64[Array, " K"] = np.bincount(ends.ravel(), 0.5 * values.ravel(), minlength=parts)
         return total
 
     share = np.ones(len(length)) if shape_class != "rope" else _core(topology)
@@ -70,8 +82,9 @@ def lattice_stiffness(
         axial, mixed = per_part(both * along**2), 0.5 * per_part(both * along * (1.0 - along))
         across = 0.5 * per_part(both * (1.0 - along) ** 2)
         resistance = axial - 2.0 * mixed**2 / np.maximum(across, 1e-12 * length.sum())
-    strength = modulus * volume / np.where(resistance > 0, resistance, np.inf)
-    return np.asarray(strength[ends].mean(axis=1) * share / length, np.float64)
+    ease = 1.0 / np.where(resistance > 0, resistance, np.inf)
+    shares: Float64[Array, "E 2"] = 0.5 * ease[ends] * (share / length)[:, None]
+    return shares
 
 
 def _core(topology: Topology) -> Float64[Array, " E"]:

@@ -3,14 +3,19 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float64
-from scipy.spatial import cKDTree
 
+from model.predictor.affordable import DAMPING_LIMIT, MARGIN, SUBSTEPS, affordable
 from model.predictor.base import ParameterPredictor
 from model.predictor.lattice import lattice_stiffness
-from model.predictor.stability import fastest, stable_step
+from model.predictor.prior_means import (
+    GRIP,
+    collision_distance,
+    dashpot_damping,
+    grip_stiffness,
+    pooled,
+    volumes,
+)
 from model.types import (
-    Array,
     Calibration,
     Frames,
     Masks,
@@ -22,14 +27,7 @@ from model.types import (
     Tracks,
 )
 
-SUBSTEPS = 250
-"""Substeps per frame of 1/30 s that a twin may cost; stiffer priors are limited to it."""
-MARGIN = 1.2
-"""Of the stability bound, as the simulator takes it."""
-DAMPING_LIMIT = 1.5
-"""Largest λ(M⁻¹C)/√λ(M⁻¹K): beyond, damping alone would more than halve the stable step."""
-GRIP = 3.0
-"""A controller spring over the springs of the point it holds, where the stability bound allows."""
+__all__ = ["DAMPING_LIMIT", "GRIP", "MARGIN", "POOLED", "SUBSTEPS", "PriorMeanPredictor"]
 
 POOLED = {"drag_rate": "1/s", "friction": "1", "restitution": "1"}
 """Global parameters that are the parts' volume-weighted means, and their units."""
@@ -83,88 +81,30 @@ class PriorMeanPredictor(ParameterPredictor):
             gravity: [m/s²].
             ground_height: z of the ground [m]; None: no ground.
         """
-        volume = _volumes(topology, priors)
+        volume = volumes(topology, priors)
         modulus = np.array([prior.properties["stiffness"].mean for prior in priors])
         stiffness = lattice_stiffness(topology, modulus, volume, shape_class)
-        held = _grip_stiffness(topology, stiffness)
-        damping, damping_spread = _pooled(priors, volume, "damping")
-        frequency_squared = fastest(topology, stiffness, held)
-        dashpot = _dashpot(topology, stiffness, damping, frequency_squared)
-        step = stable_step(frequency_squared, _decay(topology, dashpot))
-        warnings: tuple[str, ...] = ()
-        substeps = MARGIN / (30.0 * step)
-        if substeps > SUBSTEPS:
-            # the stable step goes as 1/√stiffness, the dashpot as √stiffness: one scaling settles it
-            scale = (SUBSTEPS / substeps) ** 2
-            stiffness, held, dashpot = stiffness * scale, held * scale, dashpot * scale**0.5
-            warnings = (_limited(priors, scale),)
+        held = grip_stiffness(topology, stiffness)
+        damping, damping_spread = pooled(priors, volume, "damping")
+        dashpot = dashpot_damping(topology, stiffness, damping)
+        limit = affordable(topology, stiffness, held, dashpot)
+        stiffness, held, dashpot = (
+            stiffness * limit.stiffness,
+            held * limit.stiffness,
+            dashpot * limit.dashpot,
+        )
+        warnings = (_limited(priors, limit.stiffness),) if limit.stiffness < 1.0 else ()
         entries = {
             "dashpot_damping": Parameter(dashpot, "N*s/m", "prior", dashpot * damping_spread),
-            "collision_distance": Parameter(_collision_distance(topology), "m", "prior"),
+            "collision_distance": Parameter(collision_distance(topology), "m", "prior"),
             "gravity": Parameter(tuple(float(g) for g in gravity), "m/s^2", "prior"),
         }
         for name, unit in POOLED.items():
-            value, spread = _pooled(priors, volume, name)
+            value, spread = pooled(priors, volume, name)
             entries[name] = Parameter(value, unit, "prior", value * spread)
         if ground_height is not None:
             entries["ground_height"] = Parameter(float(ground_height), "m", "prior")
         return Parameters(stiffness.astype(np.float32), held.astype(np.float32), entries, warnings)
-
-
-def _volumes(topology: Topology, priors: Sequence[MaterialPrior]) -> Float64[Array, " K"]:
-    """Volume of each part [m³]: the mass of its points over its density."""
-    mass = np.bincount(topology.part, topology.mass.astype(np.float64), minlength=len(priors))
-    return np.asarray(mass / [prior.properties["density"].mean for prior in priors], np.float64)
-
-
-def _grip_stiffness(topology: Topology, stiffness: Float64[Array, " E"]) -> Float64[Array, " S"]:
-    """Controller springs: `GRIP` × the springs of the point they hold, within the stability bound.
-
-    2 Σk/m over the springs of a point bounds the modes there; the grip may fill a point up to the
-    largest such value of the object, so that a firm hand does not make the whole twin slower, but
-    no controller spring gets softer than the springs it holds.
-    """
-    count = len(topology.points)
-    ends = topology.springs
-    total = sum(np.bincount(ends[:, side], stiffness, minlength=count) for side in (0, 1))
-    degree = sum(np.bincount(ends[:, side], minlength=count) for side in (0, 1))
-    usual = total / np.maximum(degree, 1)
-    held = topology.controller_springs[:, 1]
-    grips = np.bincount(held, minlength=count)
-    room = (2.0 * total / topology.mass).max(initial=0.0) * topology.mass - 2.0 * total
-    firm = np.clip(room / np.maximum(grips, 1), usual, GRIP * usual)
-    return np.asarray(firm[held], np.float64)
-
-
-def _dashpot(
-    topology: Topology, stiffness: Float64[Array, " E"], ratio: float, frequency_squared: float
-) -> float:
-    """2ζ√(k m), median over springs [N·s/m]; limited where it would rule the step size."""
-    mass = topology.mass.astype(np.float64)[topology.springs].mean(axis=1)
-    dashpot = 2.0 * ratio * float(np.median(np.sqrt(stiffness * mass)))
-    share = _decay(topology, dashpot) / np.sqrt(frequency_squared)
-    return float(dashpot * min(1.0, DAMPING_LIMIT / max(share, 1e-12)))
-
-
-def _decay(topology: Topology, dashpot: float) -> float:
-    """Fastest decay rate under a uniform dashpot [1/s]."""
-    springs, grips = len(topology.springs), len(topology.controller_springs)
-    return dashpot * fastest(topology, np.ones(springs), np.ones(grips))
-
-
-def _pooled(priors: Sequence[MaterialPrior], volume: Float64[Array, " K"], name: str) -> tuple[float, float]:
-    """Volume-weighted geometric mean over the parts, and the spread of the logarithm."""
-    share = volume / volume.sum()
-    logs = np.log([prior.properties[name].mean for prior in priors])
-    spreads = np.array([prior.properties[name].spread for prior in priors])
-    mean = float(share @ logs)
-    return float(np.exp(mean)), float(np.sqrt(share @ (spreads**2 + (logs - mean) ** 2)))
-
-
-def _collision_distance(topology: Topology) -> float:
-    """Below every distance at rest, so that nothing collides with its own neighbours [m]."""
-    gaps = cKDTree(topology.points).query(topology.points, 2)[0][:, 1]
-    return float(min(0.8 * gaps.min(), 0.5 * np.median(gaps)))
 
 
 def _limited(priors: Sequence[MaterialPrior], scale: float) -> str:

@@ -1,10 +1,18 @@
 """What the network reads of one case or of several joined ones, and what it answers."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
+import numpy as np
 import torch
-from jaxtyping import Float, Int64
+from jaxtyping import Float, Float64, Int64, Integer
 from torch import Tensor
+
+from model.predictor.beliefs import describe_beliefs, log_means
+from model.predictor.geometry import Geometry, describe_geometry
+from model.predictor.motion_features import MotionFeatures
+from model.predictor.prior_means import dashpot_damping, grip_stiffness, pooled, volumes
+from model.types import Array, MaterialPrior, ShapeClass, Topology
 
 GLOBALS = ("dashpot_damping", "drag_rate", "friction", "restitution")
 """Order of the last axis of `global_*`. Coordinates: ln, ln, ln, logit."""
@@ -87,3 +95,80 @@ class Prediction:
     """Of `GLOBALS`: ln N·s/m, ln 1/s, ln, logit."""
     global_log_spread: Float[Tensor, "B 4"]
     """Of the same coordinates: of ln for the first three, of the logit for the last."""
+
+
+def make_sample(
+    topology: Topology,
+    priors: Sequence[MaterialPrior],
+    shape_class: ShapeClass,
+    gravity: tuple[float, float, float],
+    ground_height: float | None,
+    motion: MotionFeatures,
+    *,
+    geometry: Geometry | None = None,
+) -> Sample:
+    """Gather what the network reads of one case.
+
+    Args:
+        topology: What to parametrise.
+        priors: One per part, in the order of the labels.
+        shape_class: Sheet, rope or solid.
+        gravity: [m/s²].
+        ground_height: z of the ground [m]; None: no ground.
+        motion: Of this topology's mass points.
+        geometry: `describe_geometry` of the same topology, where priors change and the topology stays;
+            None: measured here.
+    """
+    shape = geometry or describe_geometry(topology, len(priors), shape_class, ground_height)
+    volume = volumes(topology, priors)
+    ends = topology.part[topology.springs]
+    modulus = np.exp(log_means(priors, ("stiffness",))[:, 0])
+    stiffness = (shape.shares * (modulus * volume)[ends]).sum(axis=1)
+    anchor, spread = _global_anchor(topology, priors, volume, stiffness)
+    beliefs = describe_beliefs(priors, shape.size, gravity)
+    return Sample(
+        edges=_whole(topology.springs),
+        edge_part=_whole(ends),
+        edge_features=_real(shape.edges),
+        point_part=_whole(topology.part),
+        part_scene=torch.zeros(len(priors), dtype=torch.long),
+        motion=_real(motion.points),
+        motion_global=_real(motion.whole[None]),
+        distribution=_real(np.stack([prior.distribution for prior in priors])),
+        prior_log_modulus=_real(np.log(modulus)),
+        prior_log_spread=_real(np.array([prior.properties["stiffness"].spread for prior in priors])),
+        part_share=_real(volume / volume.sum()),
+        part_features=_real(np.concatenate([shape.parts, beliefs], axis=1)),
+        scene_features=_real(shape.scene[None]),
+        log_unit_stiffness=_real(np.log((shape.shares * volume[ends]).sum(axis=1))),
+        grips=_whole(topology.controller_springs[:, 1]),
+        grip_features=_real(shape.grips),
+        log_grip_anchor=_real(np.log(grip_stiffness(topology, stiffness))),
+        global_anchor=_real(anchor[None]),
+        global_spread=_real(spread[None]),
+    )
+
+
+def _global_anchor(
+    topology: Topology,
+    priors: Sequence[MaterialPrior],
+    volume: Float64[Array, " K"],
+    stiffness: Float64[Array, " E"],
+) -> tuple[Float64[Array, "4"], Float64[Array, "4"]]:
+    """Means and spreads in the coordinates of `GLOBALS`."""
+    ratio, ratio_spread = pooled(priors, volume, "damping")
+    (drag, drag_spread), (friction, friction_spread), (bounce, bounce_spread) = (
+        pooled(priors, volume, name) for name in GLOBALS[1:]
+    )
+    dashpot = dashpot_damping(topology, stiffness, ratio)
+    anchor = np.array([np.log(dashpot), np.log(drag), np.log(friction), np.log(bounce / (1.0 - bounce))])
+    # d logit r = d ln r / (1 - r)
+    return anchor, np.array([ratio_spread, drag_spread, friction_spread, bounce_spread / (1.0 - bounce)])
+
+
+def _real(values: Float[Array, "..."]) -> Float[Tensor, "..."]:
+    return torch.as_tensor(np.asarray(values, np.float32))
+
+
+def _whole(values: Integer[Array, "..."]) -> Int64[Tensor, "..."]:
+    return torch.as_tensor(values.astype(np.int64))
