@@ -113,7 +113,8 @@ def _edges(
     length = topology.rest_length.astype(np.float64)
     offset = points[ends[:, 1]] - points[ends[:, 0]]
     direction = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)
-    unit = np.log(np.maximum(shares.sum(axis=1), 1e-300))
+    unit = shares.sum(axis=1)
+    unit = np.log(np.maximum(unit / np.median(unit), np.exp(-_FAR)))
     mass = np.log(topology.mass.astype(np.float64) / np.median(topology.mass))
     height = points[:, 2] - points[:, 2].min()
 
@@ -121,7 +122,7 @@ def _edges(
         return np.asarray(values[ends].mean(axis=1), np.float64)
 
     def apart(values: Float64[Array, " P"]) -> Float64[Array, " E"]:
-        return np.abs(values[ends[:, 0]] - values[ends[:, 1]])
+        return np.asarray(np.abs(values[ends[:, 0]] - values[ends[:, 1]]), np.float64)
 
     along = np.stack([np.einsum("ei,ei->e", direction, around.axis[ends[:, side]]) for side in (0, 1)], 1)
     columns = [
@@ -140,7 +141,7 @@ def _edges(
         mean(around.held),
         mean(mass),
         (topology.part[ends[:, 0]] != topology.part[ends[:, 1]]).astype(np.float64),
-        unit - np.median(unit),
+        unit,
     ]
     return np.stack(columns, axis=1).astype(np.float32)
 

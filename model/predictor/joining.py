@@ -42,13 +42,9 @@ def split_prediction(prediction: Prediction, samples: Sequence[Sample]) -> list[
     parts = [len(sample.part_scene) for sample in samples]
     grips = [len(sample.grips) for sample in samples]
     scenes = [sample.case_count for sample in samples]
-    columns = (
-        prediction.log_modulus.split(springs),
-        prediction.log_modulus_spread.split(springs),
-        prediction.part_log_modulus.split(parts),
-        prediction.part_log_spread.split(parts),
-        prediction.log_controller_stiffness.split(grips),
-        prediction.global_mean.split(scenes),
-        prediction.global_log_spread.split(scenes),
-    )
+    sizes = (springs, springs, parts, parts, grips, scenes, scenes)
+    columns = [
+        torch.split(getattr(prediction, field.name), size)
+        for field, size in zip(fields(Prediction), sizes, strict=True)
+    ]
     return [Prediction(*values) for values in zip(*columns, strict=True)]

@@ -16,6 +16,8 @@ from model.types import Array, MaterialPrior, ShapeClass, Topology
 
 GLOBALS = ("dashpot_damping", "drag_rate", "friction", "restitution")
 """Order of the last axis of `global_*`. Coordinates: ln, ln, ln, logit."""
+LEAST = 1e-6
+"""Least stiffness of a spring over the median in a body of one modulus, so that its logarithm is finite."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class Sample:
     """Mass points that each spring joins."""
     edge_part: Int64[Tensor, "E 2"]
     """Parts of its two ends; equal for inner springs."""
+    edge_weight: Float[Tensor, "E 2"]
+    """How much the modulus at each end counts for the spring's; rows sum to 1, inner springs have halves."""
     edge_features: Float[Tensor, "E Fe"]
     point_part: Int64[Tensor, " P"]
     part_scene: Int64[Tensor, " K"]
@@ -123,12 +127,16 @@ def make_sample(
     volume = volumes(topology, priors)
     ends = topology.part[topology.springs]
     modulus = np.exp(log_means(priors, ("stiffness",))[:, 0])
-    stiffness = (shape.shares * (modulus * volume)[ends]).sum(axis=1)
+    unit = shape.shares * volume[ends]
+    # a part whose springs resist nothing has none of its own: its share is small rather than nothing
+    unit = np.maximum(unit, LEAST * np.median(unit.sum(axis=1)))
+    stiffness = (unit * modulus[ends]).sum(axis=1)
     anchor, spread = _global_anchor(topology, priors, volume, stiffness)
     beliefs = describe_beliefs(priors, shape.size, gravity)
     return Sample(
         edges=_whole(topology.springs),
         edge_part=_whole(ends),
+        edge_weight=_real(unit / unit.sum(axis=1, keepdims=True)),
         edge_features=_real(shape.edges),
         point_part=_whole(topology.part),
         part_scene=torch.zeros(len(priors), dtype=torch.long),
@@ -140,7 +148,7 @@ def make_sample(
         part_share=_real(volume / volume.sum()),
         part_features=_real(np.concatenate([shape.parts, beliefs], axis=1)),
         scene_features=_real(shape.scene[None]),
-        log_unit_stiffness=_real(np.log((shape.shares * volume[ends]).sum(axis=1))),
+        log_unit_stiffness=_real(np.log(unit.sum(axis=1))),
         grips=_whole(topology.controller_springs[:, 1]),
         grip_features=_real(shape.grips),
         log_grip_anchor=_real(np.log(grip_stiffness(topology, stiffness))),
