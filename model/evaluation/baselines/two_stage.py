@@ -5,24 +5,14 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from model.evaluation.baselines.base import Method
-from model.evaluation.baselines.coarse import Coarse, search
-from model.evaluation.baselines.gradient import Free, descend
-from model.evaluation.baselines.mechanics import (
-    Mechanics,
-    Rewired,
-    believed,
-    from_coordinates,
-    moved,
-    to_coordinates,
-)
+from model.evaluation.baselines.coarse import search
+from model.evaluation.baselines.gradient import Free
+from model.evaluation.baselines.mechanics import Rewired, believed
+from model.evaluation.baselines.refine import SOFTEST, refine, room
 from model.evaluation.baselines.seen import Seen
 from model.scenes.case import Case
-
-LEAST_FACTOR = float(np.log(1e-2))
-"""A spring may become so much softer than the first stage made it, in ln."""
 
 
 @dataclass(frozen=True)
@@ -67,48 +57,9 @@ class TwoStage(Method):
         coarse = search(
             case, seen, region, generations=self.generations, population=self.population, seed=self.seed
         )
-        mechanics = self._refine(case, seen, coarse) if self.steps else coarse.mechanics
-        wiring = coarse.wiring
+        mechanics, wiring = coarse.mechanics, coarse.wiring
+        if self.steps:
+            springs = torch.zeros(len(mechanics.stiffness), requires_grad=True)
+            free = [Free([springs], self.rate, SOFTEST, room(mechanics))]
+            mechanics = refine(case, seen, mechanics, lambda: springs, free, rate=self.rate, steps=self.steps)
         return Rewired(mechanics, wiring.grips, wiring.grip_reach, believed(case, mechanics))
-
-    def _refine(self, case: Case, seen: Seen, coarse: Coarse) -> Mechanics:
-        begin = coarse.mechanics
-        springs = torch.zeros(len(begin.stiffness), requires_grad=True)
-        grips = torch.zeros(len(begin.grip), requires_grad=True)
-        z = to_coordinates(begin.globals).requires_grad_()
-        stiffness, grip = torch.as_tensor(begin.stiffness), torch.as_tensor(begin.grip)
-
-        def loss() -> Tensor:
-            made = moved(
-                case,
-                begin.topology,
-                stiffness * springs.exp(),
-                grip * grips.exp(),
-                from_coordinates(z),
-                len(seen),
-            )
-            return seen.loss(made)
-
-        stiffest = room(begin)
-        free = [
-            Free([springs], self.rate, LEAST_FACTOR, stiffest),
-            Free([grips], self.rate, LEAST_FACTOR, stiffest),
-            Free([z], self.rate),
-        ]
-        descend(loss, free, self.steps)
-        with torch.no_grad():
-            values = {name: float(value) for name, value in from_coordinates(z).items()}
-            return Mechanics(
-                begin.topology,
-                (stiffness * springs.exp()).numpy(),
-                (grip * grips.exp()).numpy(),
-                values,
-            ).limited()
-
-
-def room(mechanics: Mechanics) -> float:
-    """How much stiffer every spring may become at once within `SUBSTEPS`, in ln, at most as it may soften.
-
-    The fastest mode only rises with any spring, so that single springs within it need no more either.
-    """
-    return float(min(np.log(mechanics.stiffer()), -LEAST_FACTOR))
