@@ -51,7 +51,7 @@ def coat(
         scales=np.concatenate([np.tile(disc, (len(surface), 1)), np.tile(ball, (len(inner), 1))]).astype(
             np.float32
         ),
-        quaternions=np.concatenate([_turned_to(normals), upright]).astype(np.float32),
+        quaternions=np.concatenate([turned_to(normals), upright]).astype(np.float32),
         opacities=np.full(count, OPACITY, np.float32),
         colors=colors.astype(np.float32),
         volumes=np.full(count, spacing**3, np.float32),
@@ -61,8 +61,12 @@ def coat(
 
 def joined(*coats: Coat) -> Coat:
     """All of them as one, in this order."""
-    bodies = [one.gaussians for one in coats]
-    gaussians = Gaussians(
+    return Coat(together(*(one.gaussians for one in coats)), np.concatenate([one.normals for one in coats]))
+
+
+def together(*bodies: Gaussians) -> Gaussians:
+    """All of them as one, in this order, without what depends on the direction of view."""
+    return Gaussians(
         means=np.concatenate([body.means for body in bodies]),
         scales=np.concatenate([body.scales for body in bodies]),
         quaternions=np.concatenate([body.quaternions for body in bodies]),
@@ -70,10 +74,9 @@ def joined(*coats: Coat) -> Coat:
         colors=np.concatenate([body.colors for body in bodies]),
         volumes=np.concatenate([body.volumes for body in bodies]),
     )
-    return Coat(gaussians, np.concatenate([one.normals for one in coats]))
 
 
-def _turned_to(normals: Float64[Array, "P 3"]) -> Float64[Array, "P 4"]:
+def turned_to(normals: Float64[Array, "P 3"]) -> Float64[Array, "P 4"]:
     """Quaternions (w x y z) that turn the z axis to each normal."""
     x, y, z = normals.T
     quaternion = np.stack([1 + z, -y, x, np.zeros_like(x)], axis=1)

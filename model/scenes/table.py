@@ -14,9 +14,19 @@ PATCH = 2.0
 
 
 def table_view(
-    camera: Camera, rng: np.random.Generator
+    camera: Camera,
+    rng: np.random.Generator,
+    top: Float64[Array, " 3"] = TOP,
+    room: Float64[Array, " 3"] = ROOM,
 ) -> tuple[Float32[Array, "H W 3"], Float32[Array, "H W"]]:
-    """What the camera sees of an empty table at z = 0, and where the table is (0..1)."""
+    """What the camera sees of an empty table at z = 0, and where the table is (0..1).
+
+    Args:
+        camera: Looks towards +y.
+        rng: For the texture of the table and the shapes in the room.
+        top: Colour of the table, RGB, 0..1.
+        room: Colour of what is behind it.
+    """
     y, x = np.mgrid[: camera.height, : camera.width].astype(np.float64)
     ray = camera.unproject(np.stack([x, y], axis=-1), np.ones(x.shape)) - camera.position
     downward = ray[..., 2] < -1e-6
@@ -25,10 +35,10 @@ def table_view(
     wood = _sampled(_texture(rng), spot)
     # A lamp above and to the left: the light falls off across the table.
     falloff = 1.06 - 0.22 * np.hypot(spot[..., 0] + 0.25, spot[..., 1] - 0.1)
-    top = TOP * wood * falloff[..., None]
+    lighted = top * wood * falloff[..., None]
     on_table = downward & (spot[..., 1] < EDGE)
     coverage = cv2.GaussianBlur(on_table.astype(np.float64), (0, 0), 0.8)
-    view = coverage[..., None] * top + (1 - coverage[..., None]) * _room(camera, rng)
+    view = coverage[..., None] * lighted + (1 - coverage[..., None]) * room_view(camera, rng, room)
     return view.clip(0, 1).astype(np.float32), np.asarray(coverage, np.float32)
 
 
@@ -54,9 +64,11 @@ def _sampled(texture: Float64[Array, "S S 3"], spot: Float64[Array, "H W 2"]) ->
     return sampled
 
 
-def _room(camera: Camera, rng: np.random.Generator) -> Float64[Array, "H W 3"]:
+def room_view(
+    camera: Camera, rng: np.random.Generator, room: Float64[Array, " 3"] = ROOM
+) -> Float64[Array, "H W 3"]:
     """Out of focus: a few cupboards' worth of large dark shapes."""
-    shapes = np.ones((camera.height, camera.width, 3)) * ROOM
+    shapes = np.ones((camera.height, camera.width, 3)) * room
     for _ in range(9):
         left = int(rng.integers(-80, camera.width))
         right = left + int(rng.integers(50, 190))

@@ -41,4 +41,4 @@ class Denim(Look):
     def _stitches(self, x: Float64[Array, " P"], y: Float64[Array, " P"]) -> Float64[Array, " P"]:
         off = (y + 0.3 * SEAM) % SEAM - SEAM / 2
         row = np.maximum(np.abs(off - 0.004) < 0.0016, np.abs(off + 0.004) < 0.0016)
-        return row * stripes(x, 0.009, 0.7)
+        return np.asarray(row * stripes(x, 0.009, 0.7), np.float64)

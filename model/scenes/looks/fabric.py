@@ -37,7 +37,8 @@ class Fabric(Look):
         colored = blend(np.array(self.dye), light, design)
         weave = np.sin(2 * np.pi * x / THREAD) * np.sin(2 * np.pi * (y + z) / THREAD)
         grain = 0.09 * weave + 0.06 * noise(place, 0.0022, self.seed) + 0.04 * noise(place, 0.03, self.seed)
-        return np.clip(colored * (1 + grain)[:, None], 0, 1)
+        woven: Float64[Array, "P 3"] = np.clip(colored * (1 + grain)[:, None], 0, 1)
+        return woven
 
     def relief(self, place: Float64[Array, "P 3"]) -> Float64[Array, "P 3"]:
         """Slack in the cloth."""

@@ -9,9 +9,9 @@ from model.scenes.looks.base import Color, Finish, Look
 from model.scenes.looks.pattern import cells, directions, noise, stripes
 from model.types import Array
 
-FACET = 0.035
+FACET = 0.024
 """Between creases [m]."""
-LINE = 0.012
+LINE = 0.0075
 """Between printed lines [m]."""
 
 
@@ -27,14 +27,14 @@ class Paper(Look):
     def albedo(self, place: Float64[Array, "P 3"]) -> Float64[Array, "P 3"]:
         """The sheet, greyer along its creases, and words."""
         border, _ = cells(place, FACET, self.seed)
-        shade = 1 - 0.10 * np.exp(-border / 0.03) + 0.015 * noise(place, 0.004, self.seed)
+        shade = 1 - 0.16 * np.exp(-border / 0.05) + 0.015 * noise(place, 0.004, self.seed)
         if self.pick(2) == 0:
-            line = stripes(place[:, 1] + place[:, 2], LINE, 0.35)
-            words = np.clip(3 * noise(place * [1.0, 0.3, 0.3], 0.008, self.seed + 1) + 0.6, 0, 1)
-            shade = shade * (1 - 0.7 * line * words)
+            line = stripes(place[:, 1] + place[:, 2], LINE, 0.3)
+            words = np.clip(3 * noise(place * [1.0, 0.3, 0.3], 0.006, self.seed + 1) + 0.6, 0, 1)
+            shade = shade * (1 - 0.4 * line * words)
         return np.clip(np.array(self.dye) * shade[:, None], 0, 1)
 
     def relief(self, place: Float64[Array, "P 3"]) -> Float64[Array, "P 3"]:
         """Each facet is tilted its own way."""
         _, cell = cells(place, FACET, self.seed)
-        return 0.28 * directions(cell, self.seed)
+        return 0.45 * directions(cell, self.seed)

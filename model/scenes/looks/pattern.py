@@ -55,7 +55,8 @@ def directions(cell: Int64[Array, "P 3"], seed: int) -> Float64[Array, "P 3"]:
 def stripes(along: Float64[Array, " P"], period: float, width: float = 0.5) -> Float64[Array, " P"]:
     """1 on stripes that cover the share `width`, 0 between them, soft at their edges."""
     wave = np.cos(2 * np.pi * along / period) - np.cos(np.pi * width)
-    return np.clip(0.5 + 2.0 * wave, 0, 1)
+    share: Float64[Array, " P"] = np.clip(0.5 + 2.0 * wave, 0, 1)
+    return share
 
 
 def blend(
@@ -72,4 +73,5 @@ def _values(corner: Int64[Array, "P 3"], seed: int) -> Float64[Array, " P"]:
     bits = mixed.astype(np.uint64)
     for shift, factor in ((33, 0xFF51AFD7ED558CCD), (33, 0xC4CEB9FE1A85EC53)):
         bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
-    return (bits >> np.uint64(40)).astype(np.float64) / float(1 << 24)
+    values: Float64[Array, " P"] = (bits >> np.uint64(40)).astype(np.float64) / float(1 << 24)
+    return values
