@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float, Float64, Int64, Integer
 from torch import Tensor
 
+from model.errors import InputError
 from model.predictor.beliefs import describe_beliefs, log_means
 from model.predictor.geometry import Geometry, describe_geometry
 from model.predictor.motion_features import MotionFeatures
@@ -122,7 +123,17 @@ def make_sample(
         motion: Of this topology's mass points.
         geometry: `describe_geometry` of the same topology, where priors change and the topology stays;
             None: measured here.
+
+    Raises:
+        InputError: motion of another number of mass points, or a part without a prior.
     """
+    points, parts = len(topology.points), int(topology.part.max()) + 1
+    if len(motion.points) != points:
+        raise InputError(
+            f"sample: {points} mass points, but motion of {len(motion.points)}; describe it anew"
+        )
+    if len(priors) < parts:
+        raise InputError(f"sample: {parts} parts, but {len(priors)} material priors; give one each")
     shape = geometry or describe_geometry(topology, len(priors), shape_class, ground_height)
     volume = volumes(topology, priors)
     ends = topology.part[topology.springs]
