@@ -1,6 +1,7 @@
-"""Samples of small cases, with motion that somebody might have seen."""
+"""Small cases: their samples with motion that somebody might have seen, and a folder of them on disk."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,3 +31,18 @@ def sample_of() -> "Callable[..., Sample]":
         return make_sample(case.topology, case.priors, case.shape_class, seen.gravity, ground, motion)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def case_folder(make_case, tmp_path_factory) -> Path:
+    """Cases of five objects, each a bar of two parts that is lifted, with an index."""
+    from model.scenes.files import save_case, write_index
+
+    folder = tmp_path_factory.mktemp("cases")
+    rng = np.random.default_rng(0)
+    for seed in range(5):
+        modulus = tuple(np.exp(rng.uniform(np.log(2e3), np.log(4e4), 2)).tolist())
+        case = make_case(seed=seed, modulus=modulus, frames=10, noise=5e-4)
+        save_case(case, folder / f"{case.name}.case.npz")
+    write_index(folder, seed=0)
+    return folder

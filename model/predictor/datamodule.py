@@ -1,0 +1,302 @@
+"""Folders of cases as batches: generated where there are none, described once, told apart by object."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from pytorch_lightning import LightningDataModule
+from torch.utils.data import DataLoader, Dataset, Sampler
+
+from model.encoders.kinematic import KinematicEncoder
+from model.encoders.motion import MotionEncoder
+from model.errors import InputError
+from model.predictor.batches import Batch, Example, make_batch, true_values
+from model.predictor.geometry import Geometry, describe_geometry
+from model.predictor.motion_features import MotionFeatures
+from model.predictor.motion_store import read_motion, store_motion
+from model.predictor.sample import Sample, make_sample
+from model.progress import progress
+from model.scenes.case import Case
+from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
+from model.scenes.priors import Opinion, with_priors
+
+TYPICAL = 256
+"""Training cases that say how large inputs usually are."""
+
+
+@dataclass(frozen=True)
+class Opinions:
+    """How often a material expert is right, undecided, or as often wrong as `wrong_probability` says."""
+
+    right: float = 0.5
+    uniform: float = 0.25
+    wrong: float = 0.25
+    wrong_probability: float = 0.3
+
+    def draw(self, rng: np.random.Generator) -> Opinion:
+        """One of the three."""
+        shares = np.array([self.right, self.uniform, self.wrong], np.float64)
+        names: tuple[Opinion, ...] = ("right", "uniform", "wrong")
+        return names[int(rng.choice(3, p=shares / shares.sum()))]
+
+
+@dataclass(frozen=True)
+class Look:
+    """A case under an opinion; which case, and everything that is drawn by lot, is in here."""
+
+    index: int
+    opinion: Opinion | None
+    """None: the priors that are stored with the case."""
+    seed: tuple[int, ...] = ()
+
+
+class CaseDataset(Dataset[Example]):
+    """Cases in memory, without what training does not look at; an example depends on its `Look` alone."""
+
+    def __init__(self, paths: Sequence[Path], encoder: MotionEncoder, opinions: Opinions) -> None:
+        """Read cases and what `store_motion` has kept of them.
+
+        Raises:
+            InputError: a file is no case, or has not been described.
+        """
+        self._cases = [replace(load_case(path), gaussians=None) for path in paths]
+        self._motion = [read_motion(path, encoder) for path in paths]
+        self._geometry: dict[int, Geometry] = {}
+        self._opinions = opinions
+
+    def __len__(self) -> int:
+        """The number of cases."""
+        return len(self._cases)
+
+    def __getitem__(self, look: Look) -> Example:
+        """A case with the priors of an opinion."""
+        case = self._cases[look.index]
+        if look.opinion is not None and case.truth is not None:
+            case = self._told(case, look.opinion, np.random.default_rng(look.seed))
+        example = example_of(case, self._motion[look.index], self._shape(look.index))
+        return replace(example, opinion=look.opinion if case.truth is not None else None)
+
+    def _told(self, case: Case, opinion: Opinion, rng: np.random.Generator) -> Case:
+        """The case with an opinion on its materials; its densities stay, for it is weighed."""
+        told = with_priors(case, opinion, rng, self._opinions.wrong_probability)
+        priors = tuple(
+            replace(new, properties={**new.properties, "density": old.properties["density"]})
+            for new, old in zip(told.priors, case.priors, strict=False)
+        )
+        return replace(told, priors=priors)
+
+    def _shape(self, index: int) -> Geometry:
+        if index not in self._geometry:
+            self._geometry[index] = shape_of(self._cases[index])
+        return self._geometry[index]
+
+
+def example_of(case: Case, motion: MotionFeatures, geometry: Geometry | None = None) -> Example:
+    """A case with its own priors, as the network sees it."""
+    seen = case.observation
+    sample = make_sample(
+        case.topology,
+        case.priors,
+        case.shape_class,
+        seen.gravity,
+        seen.ground_height,
+        motion,
+        geometry=geometry or shape_of(case),
+    )
+    return Example(case, sample, true_values(case, len(case.priors)))
+
+
+def shape_of(case: Case) -> Geometry:
+    """The geometry of a case, which does not depend on its priors."""
+    return describe_geometry(
+        case.topology, len(case.priors), case.shape_class, case.observation.ground_height
+    )
+
+
+class Draws(Sampler[Look]):
+    """Every case once per epoch, in an order and under opinions that the epoch and the seed fix."""
+
+    def __init__(self, count: int, opinions: Opinions, seed: int, rank: int = 0, ranks: int = 1) -> None:
+        """Of `count` cases; each of several processes gets as many of them as every other."""
+        self._count, self._opinions, self._seed = count, opinions, seed
+        self._rank, self._ranks, self._epoch = rank, ranks, 0
+
+    def set_epoch(self, epoch: int) -> None:
+        """Lightning says at the start of each epoch which one it is."""
+        self._epoch = epoch
+
+    def __len__(self) -> int:
+        """Of this process."""
+        return -(-self._count // self._ranks)
+
+    def __iter__(self) -> Iterator[Look]:
+        """The looks of this process in this epoch."""
+        order = np.random.default_rng((self._seed, self._epoch)).permutation(self._count)
+        for index in np.resize(order, len(self) * self._ranks)[self._rank :: self._ranks]:
+            seed = (self._seed, self._epoch, int(index))
+            yield Look(int(index), self._opinions.draw(np.random.default_rng(seed)), (*seed, 1))
+
+
+class CaseDataModule(LightningDataModule):
+    """Cases for training, validation, test and prediction.
+
+    Objects of the validation are none of the training's. Both are under the three opinions: in training drawn
+    anew each epoch, in validation and test each case once under each, the same in every run.
+
+    Args:
+        folder: Cases as `matphys scenes` writes them.
+        test_folder: Cases for `test`; None: those of the validation.
+        encoder: What describes motion; None: the embedded one.
+        seed: Of generation, split and opinions.
+        validation_share: Of the objects of each class.
+        opinions: What training is told of materials.
+        batch_size: Cases, of any sizes.
+        workers: Processes that generate cases and describe motion.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        test_folder: Path | None = None,
+        encoder: MotionEncoder | None = None,
+        seed: int = 0,
+        validation_share: float = 0.15,
+        opinions: Opinions = Opinions(),
+        batch_size: int = 16,
+        workers: int = 1,
+    ) -> None:
+        """See the class."""
+        super().__init__()
+        if not 0.0 < validation_share < 1.0:
+            raise InputError(f"data.validation_share is {validation_share}: expected a share between 0 and 1")
+        self.folder, self.test_folder = folder, test_folder
+        self.encoder = encoder or KinematicEncoder()
+        self.motion_dim, self.motion_global_dim = self.encoder.dim, self.encoder.global_dim
+        self.seed, self._share = seed, validation_share
+        self._opinions, self._batch_size, self._workers = opinions, batch_size, workers
+        self._train: CaseDataset | None = None
+        self._held: CaseDataset | None = None
+
+    def prepare_data(self) -> None:
+        """Generate and describe what is missing; in one process, before all others."""
+        with progress(quiet=False) as report:
+            for folder in dict.fromkeys((self.folder, self.test_folder or self.folder)):
+                store_motion(read_index(folder), self.encoder, self._workers, report)
+
+    def setup(self, stage: str) -> None:
+        """Read what the stage needs."""
+        if stage == "predict":
+            self._held = self._read(read_index(self.test_folder or self.folder, verify=False))
+        elif stage == "test" and self.test_folder is not None:
+            self._held = self._read(read_index(self.test_folder, verify=False))
+        else:
+            index = describe(self.folder)
+            train, held = split_objects(index.cases, self._share, self.seed)
+            self._held = self._read([self.folder / entry.file for entry in held])
+            if stage == "fit":
+                self._train = self._read([self.folder / entry.file for entry in train])
+
+    def train_dataloader(self) -> DataLoader[Example]:
+        """Cases in an order of their own each epoch."""
+        rank, ranks = self._ranks()
+        data = _there(self._train)
+        return self._loader(data, Draws(len(data), self._opinions, self.seed, rank, ranks))
+
+    def val_dataloader(self) -> DataLoader[Example]:
+        """Held-out objects, each case under each opinion."""
+        rank, ranks = self._ranks()
+        return self._loader(_there(self._held), self.fixed_looks()[rank::ranks])
+
+    def test_dataloader(self) -> DataLoader[Example]:
+        """The same, of the test cases."""
+        return self.val_dataloader()
+
+    def predict_dataloader(self) -> DataLoader[Example]:
+        """Cases with the priors that are stored with them."""
+        rank, ranks = self._ranks()
+        data = _there(self._held)
+        return self._loader(data, [Look(index, None) for index in range(len(data))][rank::ranks])
+
+    def held_out(self) -> DataLoader[Example]:
+        """All of the validation's looks, whatever process this is: what calibration is done on."""
+        return self._loader(_there(self._held), self.fixed_looks())
+
+    def transfer_batch_to_device(self, batch: Batch, device: torch.device, dataloader_idx: int) -> Batch:
+        """Only what the network reads goes there."""
+        return batch.to(device)
+
+    def typical(self) -> list[Sample]:
+        """Some of the training's samples, the same in every process."""
+        data = _there(self._train)
+        looks = list(Draws(len(data), self._opinions, self.seed))[:TYPICAL]
+        return [data[look].sample for look in looks]
+
+    def origin(self) -> dict[str, int | str | None]:
+        """Where the training's cases come from, for the card of what was trained."""
+        index = describe(self.folder)
+        return {
+            "folder": self.folder.name,
+            "seed": index.seed,
+            "version": index.version,
+            "cases": len(index.cases),
+            "objects": len({entry.object_name for entry in index.cases}),
+            "index": hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest(),
+        }
+
+    def fixed_looks(self) -> list[Look]:
+        """Every held-out case under every opinion; any share of them from the first on has all opinions."""
+        names: tuple[Opinion, ...] = ("right", "uniform", "wrong")
+        count = len(_there(self._held))
+        order = np.random.default_rng(self.seed).permutation(count)
+        return [
+            Look(int(case), names[(place + turn) % len(names)], (self.seed, int(case), turn))
+            for turn in range(len(names))
+            for place, case in enumerate(order)
+        ]
+
+    def _read(self, paths: Sequence[Path]) -> CaseDataset:
+        return CaseDataset(paths, self.encoder, self._opinions)
+
+    def _loader(self, data: CaseDataset, looks: Sampler[Look] | Sequence[Look]) -> DataLoader[Example]:
+        return DataLoader(data, self._batch_size, sampler=looks, collate_fn=_collate)
+
+    def _ranks(self) -> tuple[int, int]:
+        """Which process of how many this is."""
+        return (0, 1) if self.trainer is None else (self.trainer.global_rank, self.trainer.world_size)
+
+
+def split_objects(
+    entries: Sequence[IndexEntry], share: float, seed: int
+) -> tuple[list[IndexEntry], list[IndexEntry]]:
+    """Cases to train on and cases to hold out: of every class a share of the objects, no object in both.
+
+    Raises:
+        InputError: there are fewer than two objects.
+    """
+    objects = {entry.object_name: entry.object_class for entry in entries}
+    held = set[str]()
+    for kind in sorted(set(objects.values())):
+        names = sorted(name for name, own in objects.items() if own == kind)
+        count = min(max(1, round(share * len(names))), len(names) - 1)
+        held.update(np.random.default_rng(seed).permutation(names)[:count].tolist())
+    if len(objects) < 2:
+        raise InputError(f"{len(objects)} objects: training needs at least 2, so that one can be held out")
+    if not held:  # every class has but one object
+        held.add(sorted(objects)[-1])
+    return (
+        [entry for entry in entries if entry.object_name not in held],
+        [entry for entry in entries if entry.object_name in held],
+    )
+
+
+def _there(data: CaseDataset | None) -> CaseDataset:
+    assert data is not None, "the loop calls setup() first"
+    return data
+
+
+def _collate(examples: list[Example]) -> Batch:
+    return make_batch(examples)

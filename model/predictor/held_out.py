@@ -1,0 +1,88 @@
+"""What held-out objects say of a predictor, gathered over all batches of a validation."""
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.stats import spearmanr
+from torch import Tensor
+
+from model.predictor.batches import Batch
+from model.predictor.losses import covered
+from model.predictor.objective import Judged, LossWeights
+from model.predictor.sample import Prediction
+from model.types import Array
+
+FEWEST = 3
+"""Parts below which a rank correlation says nothing."""
+
+
+class HeldOut:
+    """Figures over all held-out parts and cases; a mean of figures per batch would not be the same."""
+
+    def __init__(self) -> None:
+        """Nothing is gathered yet."""
+        self._totals: list[tuple[float, int]] = []
+        self._parts: list[tuple[str, Float64[Array, "K 4"]]] = []
+        self._motions: list[Judged] = []
+        self.rolled, self._diverged = 0, 0
+
+    def add_beliefs(self, prediction: Prediction, batch: Batch, total: Tensor) -> None:
+        """Of a batch, with the weighted sum of its terms that need no rollout."""
+        self._totals.append((float(total), len(batch)))
+        inside = covered(
+            prediction.part_log_modulus, prediction.part_log_spread, batch.truth.part_log_modulus
+        )
+        columns = (
+            prediction.part_log_modulus,
+            batch.truth.part_log_modulus,
+            batch.sample.prior_log_modulus,
+            inside,
+        )
+        rows = np.stack([column.detach().cpu().double().numpy() for column in columns], axis=1)
+        scenes = batch.sample.part_scene.cpu().numpy()
+        for number, example in enumerate(batch.examples):
+            own = rows[scenes == number]
+            self._parts.append((example.opinion or "stored", own[np.isfinite(own[:, 1])]))
+
+    def add_motion(self, judged: Judged | None) -> None:
+        """Of a case that was rolled out; None: it diverged."""
+        self.rolled += 1
+        if judged is None:
+            self._diverged += 1
+        else:
+            self._motions.append(judged)
+
+    def figures(self, weights: LossWeights) -> dict[str, float]:
+        """By name; what could not be measured is left out.
+
+        `loss` is the whole loss; `rank_OPINION`, `log_error_OPINION` the rank correlation and the root mean
+        square error of the logarithm of the parts' moduli under each opinion (`prior_rank_OPINION`: of the
+        prior's own); `coverage` the share of true moduli within the 90 % interval; `past`, `future` mean
+        distances of points over the object's size before and from the split on.
+        """
+        count = sum(size for _, size in self._totals)
+        found = {"loss": sum(total * size for total, size in self._totals) / max(count, 1)}
+        for opinion in sorted({name for name, _ in self._parts}):
+            found |= _beliefs(
+                opinion, np.concatenate([rows for name, rows in self._parts if name == opinion])
+            )
+        every = np.concatenate([rows for _, rows in self._parts]) if self._parts else np.zeros((0, 4))
+        if len(every):
+            found["coverage"] = float(every[:, 3].mean())
+        if self.rolled:
+            found["diverged"] = self._diverged / self.rolled
+        if self._motions:
+            for name in ("track", "chamfer", "past", "future"):
+                found[name] = float(np.nanmean([getattr(judged, name) for judged in self._motions]))
+            found["loss"] += weights.track * found["track"] + weights.chamfer * found["chamfer"]
+        return found
+
+
+def _beliefs(opinion: str, rows: Float64[Array, "K 4"]) -> dict[str, float]:
+    if len(rows) < FEWEST:
+        return {}
+    predicted, truth, prior, _ = rows.T
+    found = {f"log_error_{opinion}": float(np.sqrt(np.mean((predicted - truth) ** 2)))}
+    for name, values in (("rank", predicted), ("prior_rank", prior)):
+        if np.ptp(values) > 1e-9 and np.ptp(truth) > 1e-9:
+            found[f"{name}_{opinion}"] = float(spearmanr(values, truth).statistic)
+    return found

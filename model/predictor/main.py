@@ -1,0 +1,250 @@
+"""`matphys fit`, `validate`, `test`, `predict`: Lightning's command line over our module and data."""
+
+import logging
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+from jsonargparse import ArgumentError
+from lightning_fabric.utilities.exceptions import MisconfigurationException
+from pytorch_lightning import Callback, LightningModule, Trainer
+from pytorch_lightning.callbacks import LearningRateMonitor, ModelCheckpoint
+from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
+from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
+
+from model.errors import InputError
+from model.predictor.calibration import calibrate
+from model.predictor.checkpoint import About, save_predictor
+from model.predictor.datamodule import CaseDataModule
+from model.predictor.module import PredictorModule
+from model.predictor.prediction_file import write_prediction
+
+DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+COMMANDS = ("fit", "validate", "test", "predict")
+BEST = "val/loss"
+"""What the best checkpoint has least of."""
+QUIET = (
+    ".*does not have many workers.*",  # examples are made in a millisecond
+    ".*args parameter is intended to run from within Python.*",
+    ".*Experiment logs directory .* exists.*",  # that of the other logger of this run
+    ".*number of training batches .* is smaller than the logging interval.*",
+    ".*Checkpoint directory .* exists and is not empty.*",
+    ".*LeafSpec.*",  # Lightning and torch between themselves
+    ".*`GPU available.*",
+)
+
+
+class Export(Callback):
+    """After training: the best network, calibrated on held-out objects, as one file with its card.
+
+    Args:
+        path: Where it goes; None: `predictor.safetensors` beside the logs.
+        config: The configuration of the training.
+    """
+
+    def __init__(self, path: Path | None, config: str) -> None:
+        """See the class."""
+        self._path, self._config = path, config
+
+    def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Write it; in one process."""
+        if not trainer.is_global_zero:
+            return
+        data: Any = trainer.datamodule  # type: ignore[attr-defined]
+        assert isinstance(pl_module, PredictorModule)
+        assert isinstance(data, CaseDataModule)
+        best = trainer.checkpoint_callback
+        figures = _figures(trainer)
+        if isinstance(best, ModelCheckpoint) and best.best_model_path:
+            state = torch.load(best.best_model_path, weights_only=True, map_location="cpu")
+            pl_module.load_state_dict(state["state_dict"])
+            figures = state["figures"]
+        calibration = calibrate(pl_module.network, data.held_out())
+        about = About(
+            schema="matphys.predictor/1",
+            options=pl_module.options.as_dict(),
+            motion_dim=data.motion_dim,
+            motion_global_dim=data.motion_global_dim,
+            encoder=data.encoder.name,
+            encoder_version=data.encoder.version,
+            encoder_weights=data.encoder.weights,
+            data=data.origin(),
+            training={"epochs": trainer.current_epoch, "steps": trainer.global_step, "seed": pl_module.seed},
+            validation={name.removeprefix("val/"): value for name, value in figures.items()},
+            calibration=calibration.as_dict(),
+            config=self._config,
+        )
+        path = self._path or Path(trainer.log_dir or trainer.default_root_dir) / "predictor.safetensors"
+        save_predictor(path, pl_module.network, about)
+        print(f"wrote {path}")  # noqa: T201 - the answer of the command
+
+
+class KeepFigures(Callback):
+    """The figures of the last validation go with every checkpoint."""
+
+    def on_save_checkpoint(
+        self, trainer: Trainer, pl_module: LightningModule, checkpoint: dict[str, Any]
+    ) -> None:
+        """Add them."""
+        checkpoint["figures"] = _figures(trainer)
+
+
+class WriteParameters(Callback):
+    """`predict`: two files per case, see `write_prediction`."""
+
+    def __init__(self, folder: Path) -> None:
+        """Into this folder."""
+        self._folder, self._count = folder, 0
+
+    def on_predict_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Any,  # noqa: ANN401 - what predict_step returned
+        batch: Any,  # noqa: ANN401
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Write a batch."""
+        for name, parameters, prediction in outputs:
+            write_prediction(self._folder, name, parameters, prediction)
+            self._count += 1
+
+    def on_predict_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Say what was written."""
+        print(f"wrote {self._count} predictions to {self._folder}")  # noqa: T201 - the answer of the command
+
+
+class TrainingCLI(LightningCLI):
+    """Options of module, data and trainer, of the file `--config`; widths follow from the encoder."""
+
+    def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
+        """What is neither the module's, nor the data's, nor the trainer's."""
+        for name in ("motion_dim", "motion_global_dim"):
+            parser.link_arguments(f"data.{name}", f"model.{name}", apply_on="instantiate")
+        parser.add_argument(
+            "--out",
+            type=Path,
+            default=Path("out/predictor"),
+            help="Folder of logs and checkpoints, or of what is predicted.",
+        )
+        parser.add_argument(
+            "--export",
+            type=Path | None,
+            default=None,
+            help="Where the trained predictor goes; null: predictor.safetensors beside the logs.",
+        )
+
+    def instantiate_trainer(self, **kwargs: Any) -> Trainer:  # noqa: ANN401 - Lightning's own signature
+        """With logs, checkpoints and exports in `--out`."""
+        out = self._get(self.config_init, "out")
+        callbacks: list[Callback] = []
+        if self.subcommand == "fit":
+            board = TensorBoardLogger(out, name="", version=_next_version(out))
+            kwargs["logger"] = [board, CSVLogger(out, name="", version=board.version)]
+            callbacks = [
+                KeepFigures(),
+                ModelCheckpoint(
+                    dirpath=Path(board.log_dir) / "checkpoints",
+                    filename="best",
+                    monitor=BEST,
+                    save_last=True,
+                    enable_version_counter=False,
+                ),
+                LearningRateMonitor("epoch"),
+                Export(self._get(self.config_init, "export"), self._written()),
+            ]
+        else:
+            kwargs["logger"] = False
+            callbacks = [WriteParameters(out)] if self.subcommand == "predict" else []
+        self.trainer_defaults["callbacks"] = callbacks
+        trainer = super().instantiate_trainer(default_root_dir=out, **kwargs)
+        return trainer
+
+    def _written(self) -> str:
+        """The configuration as a file that trains the same again."""
+        return str(self._parser(self.subcommand).dump(self.config[str(self.subcommand)], skip_none=True))
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run `fit`, `validate`, `test` or `predict` with these arguments.
+
+    Raises:
+        InputError: an option there is not, a value that it cannot have, a file that is missing.
+    """
+    logging.getLogger("pytorch_lightning.utilities.rank_zero").setLevel(logging.WARNING)  # advertisements
+    with warnings.catch_warnings():
+        for message in QUIET:
+            warnings.filterwarnings("ignore", message)
+        try:
+            TrainingCLI(
+                PredictorModule,
+                CaseDataModule,
+                args=list(arguments),
+                seed_everything_default=0,
+                save_config_kwargs={"overwrite": True},
+                trainer_defaults={
+                    "max_epochs": 60,
+                    "gradient_clip_val": 1.0,
+                    "num_sanity_val_steps": 0,
+                    "use_distributed_sampler": False,
+                    "accelerator": "auto",
+                    "devices": 1,
+                },
+                parser_kwargs={
+                    "exit_on_error": False,
+                    **{name: {"exit_on_error": False} for name in COMMANDS},
+                },
+                auto_configure_optimizers=False,
+            )
+        except (ArgumentError, MisconfigurationException) as error:
+            raise InputError(_first_line(error)) from None
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 1 our fault, 2 bad input, 130 interrupted."""
+    given = sys.argv[1:] if arguments is None else arguments
+    try:
+        run(given)
+    except InputError as error:
+        return _fail(f"matphys: {error}", BAD_INPUT)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except SystemExit as error:  # --help, and Lightning after Ctrl-C
+        return error.code if isinstance(error.code, int) else OUR_FAULT
+    except Exception as error:
+        if os.environ.get("MATPHYS_DEBUG", "0") not in ("", "0"):
+            traceback.print_exc()
+        hint = "set MATPHYS_DEBUG=1 for the traceback"
+        return _fail(f"matphys: internal error: {type(error).__name__}: {error} ({hint})", OUR_FAULT)
+    return DONE
+
+
+def _figures(trainer: Trainer) -> dict[str, float]:
+    """Of the last validation."""
+    return {name: float(v) for name, v in trainer.callback_metrics.items() if name.startswith("val/")}
+
+
+def _fail(message: str, code: int) -> int:
+    sys.stderr.write(" ".join(message.split()) + "\n")
+    return code
+
+
+def _first_line(error: Exception) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return " ".join(lines)[:400] if lines else type(error).__name__
+
+
+def _next_version(out: Path) -> str:
+    """The first run's folder is `run-0`, the next one's `run-1`."""
+    taken = [path.name.removeprefix("run-") for path in out.glob("run-*")] if out.is_dir() else []
+    return f"run-{max((int(name) for name in taken if name.isdigit()), default=-1) + 1}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,216 @@
+"""The training of the predictor, as Lightning wants it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from pytorch_lightning import LightningModule
+from torch import Tensor
+from torch.optim import AdamW
+from torch.optim.lr_scheduler import LambdaLR
+
+from model.errors import InputError
+from model.predictor.batches import Batch, Example
+from model.predictor.checkpoint import load_predictor
+from model.predictor.held_out import HeldOut
+from model.predictor.joining import split_prediction
+from model.predictor.objective import LossWeights, belief_terms, judge_motion, motion_terms
+from model.predictor.options import NetworkOptions
+from model.predictor.parametrisation import to_parameters
+from model.predictor.rollout import mechanics_of
+from model.predictor.sample import Prediction
+from model.types import Parameters
+
+
+@dataclass(frozen=True)
+class Rollouts:
+    """When training rolls cases out, and how far.
+
+    Attributes:
+        warm_up: Epochs that learn from truth and prior alone, which takes milliseconds a case.
+        per_batch: Cases of each batch that are rolled out after that, drawn anew each time; 0: none ever.
+        first_horizon: Frames in the first epoch with rollouts.
+        last_horizon: Frames in the last; the horizon grows evenly in between.
+        validated: Looks at held-out cases that are rolled out in validation, through all of their frames.
+    """
+
+    warm_up: int = 20
+    per_batch: int = 4
+    first_horizon: int = 8
+    last_horizon: int = 40
+    validated: int = 24
+
+    def horizon(self, epoch: int, epochs: int) -> int:
+        """Frames to go in this epoch of so many; 0: no rollouts."""
+        if not self.per_batch or epoch < self.warm_up:
+            return 0
+        share = (epoch - self.warm_up) / max(epochs - 1 - self.warm_up, 1)
+        return round(self.first_horizon + share * (self.last_horizon - self.first_horizon))
+
+
+class PredictorModule(LightningModule):
+    """Learns what parts are made of from how they move, through the simulator.
+
+    It minimises the sum that `LossWeights` names. Everything drawn by lot depends on seed, epoch and batch,
+    so that training goes on from a checkpoint as if it had not stopped.
+
+    Args:
+        motion_dim: Motion features per mass point; follows from the encoder of the data.
+        motion_global_dim: Motion features per clip; likewise.
+        network: What can be chosen about the network.
+        weights: Of the terms of the loss.
+        rollouts: When and how far cases are rolled out.
+        learning_rate: Its peak.
+        weight_decay: Of AdamW.
+        warm_up_steps: In which the learning rate rises to its peak; then it falls as a cosine.
+        seed: Of dropout and of which cases are rolled out.
+        start: A predictor to start from (or to validate, test or predict with).
+    """
+
+    def __init__(
+        self,
+        motion_dim: int,
+        motion_global_dim: int,
+        network: NetworkOptions = NetworkOptions(),  # noqa: B008 - frozen, as are the others
+        weights: LossWeights = LossWeights(),  # noqa: B008
+        rollouts: Rollouts = Rollouts(),
+        learning_rate: float = 1e-3,
+        weight_decay: float = 0.01,
+        warm_up_steps: int = 100,
+        seed: int = 0,
+        start: Path | None = None,
+    ) -> None:
+        """See the class.
+
+        Raises:
+            InputError: the predictor to start from was made with other options or another encoder.
+        """
+        super().__init__()
+        self.options, self.weights, self.rollouts = network, weights, rollouts
+        self.learning_rate, self.weight_decay, self.warm_up_steps = learning_rate, weight_decay, warm_up_steps
+        self.seed, self._given = seed, start is not None
+        self.network = network.build(motion_dim, motion_global_dim)
+        self._held = HeldOut()
+        if start is not None:
+            known = load_predictor(start)
+            if known.options != network or known.widths != (motion_dim, motion_global_dim):
+                raise InputError(
+                    f"{start}: made with other options of the network, or another motion encoder"
+                )
+            self.network.load_state_dict(known.network.state_dict())
+
+    def forward(self, batch: Batch) -> Prediction:
+        """Predict a batch."""
+        prediction: Prediction = self.network(batch.sample)
+        return prediction
+
+    def on_fit_start(self) -> None:
+        """Fit the scales of the inputs to the training set, unless training goes on from somewhere."""
+        if self._given or self.trainer.ckpt_path is not None:
+            return
+        data: Any = self.trainer.datamodule  # type: ignore[attr-defined]
+        self.network.standardise([sample.to(self.device) for sample in data.typical()])
+
+    def on_train_epoch_start(self) -> None:
+        """Dropout depends on the epoch, not on what was drawn before it."""
+        lot = np.random.SeedSequence((self.seed, self.current_epoch, self.global_rank))
+        torch.manual_seed(int(lot.generate_state(1)[0]))
+
+    def training_step(self, batch: Batch, batch_idx: int) -> Tensor:
+        """Loss of a batch."""
+        prediction = self(batch)
+        terms = belief_terms(prediction, batch)
+        horizon = self.rollouts.horizon(self.current_epoch, self.trainer.max_epochs or 1)
+        if horizon:
+            moved, diverged = motion_terms(prediction, batch, self._chosen(len(batch), batch_idx), horizon)
+            terms |= moved
+            self.log(
+                "train/diverged", float(diverged), batch_size=1, reduce_fx="sum", on_step=False, on_epoch=True
+            )
+        loss = self.weights.total(terms)
+        for name, value in {**terms, "loss": loss}.items():
+            shown = name == "loss"
+            self.log(
+                f"train/{name}",
+                value.detach(),
+                batch_size=len(batch),
+                prog_bar=shown,
+                on_step=False,
+                on_epoch=True,
+            )
+        return loss
+
+    def on_validation_epoch_start(self) -> None:
+        """Forget the last validation."""
+        self._held = HeldOut()
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> None:
+        """Judge a batch of held-out objects."""
+        self._judge(batch, self.rollouts.validated)
+
+    def on_validation_epoch_end(self) -> None:
+        """What is judged over all cases together."""
+        self._summarise("val")
+
+    def on_test_epoch_start(self) -> None:
+        """As in validation."""
+        self.on_validation_epoch_start()
+
+    def test_step(self, batch: Batch, batch_idx: int) -> None:
+        """Judge a batch; all cases are rolled out."""
+        self._judge(batch, None)
+
+    def on_test_epoch_end(self) -> None:
+        """What is judged over all cases together."""
+        self._summarise("test")
+
+    def predict_step(self, batch: Batch, batch_idx: int) -> list[tuple[str, Parameters, Prediction]]:
+        """By case: its name, its parameters as a twin takes them, and what was predicted of its parts."""
+        each = split_prediction(self(batch), [example.sample for example in batch.examples])
+        return [
+            (example.case.name, _parameters(one, example), one)
+            for example, one in zip(batch.examples, each, strict=True)
+        ]
+
+    def configure_optimizers(self) -> Any:  # noqa: ANN401 - Lightning's own type is private
+        """AdamW; the learning rate rises, then falls as a cosine."""
+        optimiser = AdamW(self.network.parameters(), lr=self.learning_rate, weight_decay=self.weight_decay)
+        steps = int(self.trainer.estimated_stepping_batches)
+        rise = min(self.warm_up_steps, max(steps // 10, 1))
+
+        def share(step: int) -> float:
+            if step < rise:
+                return (step + 1) / rise
+            fallen = min((step - rise) / max(steps - rise, 1), 1.0)
+            return 0.01 + 0.99 * 0.5 * (1.0 + float(np.cos(np.pi * fallen)))
+
+        return {
+            "optimizer": optimiser,
+            "lr_scheduler": {"scheduler": LambdaLR(optimiser, share), "interval": "step"},
+        }
+
+    def _judge(self, batch: Batch, most: int | None) -> None:
+        prediction = self(batch)
+        self._held.add_beliefs(prediction, batch, self.weights.total(belief_terms(prediction, batch)))
+        for example, mechanics in zip(
+            batch.examples, mechanics_of(prediction, batch.sample, batch.cases), strict=True
+        ):
+            if most is None or self._held.rolled < most:
+                self._held.add_motion(judge_motion(example.case, mechanics))
+
+    def _summarise(self, stage: str) -> None:
+        figures = self._held.figures(self.weights)
+        for name, value in figures.items():
+            self.log(f"{stage}/{name}", value, sync_dist=True, prog_bar=name == "loss")
+
+    def _chosen(self, count: int, batch_idx: int) -> Sequence[int]:
+        rng = np.random.default_rng((self.seed, self.current_epoch, batch_idx, self.global_rank))
+        return [int(number) for number in rng.permutation(count)[: self.rollouts.per_batch]]
+
+
+def _parameters(prediction: Prediction, example: Example) -> Parameters:
+    seen, topology = example.case.observation, example.case.topology
+    return to_parameters(prediction, example.sample, topology, seen.gravity, seen.ground_height)

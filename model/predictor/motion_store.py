@@ -1,0 +1,115 @@
+"""Motion features of cases on disk, so that each case is described once per encoder."""
+
+import hashlib
+import multiprocessing
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from model.encoders.motion import MotionEncoder
+from model.formats.files import replacing
+from model.formats.npz import read_arrays
+from model.predictor.motion import describe_motion
+from model.predictor.motion_features import MotionFeatures
+from model.progress import StageReport
+from model.scenes.case import Case
+from model.scenes.files import load_case
+
+STORE = "motion"
+"""Folder beside the cases."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    case: Path
+    kept: Path
+    encoder: MotionEncoder
+
+
+def describe_case(case: Case, encoder: MotionEncoder) -> MotionFeatures:
+    """Describe the frames of a case that may be learned from; the others are not looked at.
+
+    Raises:
+        InputError: the encoder needs what the case does not have.
+    """
+    return describe_motion(
+        case.topology,
+        case.shape_class,
+        case.rest,
+        case.anchors,
+        case.observation,
+        case.camera,
+        case.split,
+        encoder,
+    )
+
+
+def store_motion(
+    paths: Sequence[Path], encoder: MotionEncoder, workers: int = 1, progress: StageReport | None = None
+) -> None:
+    """Describe the cases that have not been described by this encoder yet.
+
+    What it finds is kept in `motion/ENCODER/` beside each case, under the sha256 of the case: another case of
+    the same name, another encoder, another version or other weights of it do not meet what is there.
+
+    Args:
+        paths: Files of cases.
+        encoder: What describes them.
+        workers: Processes; 1: this one.
+        progress: Told the share that is done.
+
+    Raises:
+        InputError: a case cannot be read, or the encoder needs what it does not have.
+    """
+    jobs = [_Job(path, _place(path, encoder), encoder) for path in paths]
+    missing = [job for job in jobs if not job.kept.is_file()]
+    for done, _ in enumerate(_each(missing, workers), 1):
+        if progress is not None:
+            progress(f"motion of {len(missing)} cases", done / len(missing))
+
+
+def read_motion(path: Path, encoder: MotionEncoder) -> MotionFeatures:
+    """What `store_motion` kept of the case in that file.
+
+    Raises:
+        InputError: nothing is kept, or not in these terms.
+    """
+    arrays = read_arrays(_place(path, encoder), ["points", "whole"])
+    return MotionFeatures(
+        np.array(arrays["points"], np.float32).reshape(-1, encoder.dim),
+        np.array(arrays["whole"], np.float32).reshape(encoder.global_dim),
+    )
+
+
+def _place(path: Path, encoder: MotionEncoder) -> Path:
+    weights = "" if encoder.weights is None else f"-{encoder.weights[:16]}"
+    folder = path.parent / STORE / f"{encoder.name}-{encoder.version}{weights}"
+    return folder / f"{hashlib.sha256(path.read_bytes()).hexdigest()[:32]}.npz"
+
+
+def _each(jobs: Sequence[_Job], workers: int) -> Iterator[None]:
+    if workers <= 1 or len(jobs) <= 1:
+        yield from map(_describe, jobs)
+        return
+    # forked children would inherit torch's threads in a state of their own
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+        yield from pool.map(_describe, jobs)
+
+
+def _one_thread() -> None:
+    """Before torch is imported: the processes share the cores."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def _describe(job: _Job) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what the simulator says of twins of reference is not news
+        found = describe_case(load_case(job.case), job.encoder)
+    with replacing(job.kept) as part, part.open("wb") as file:
+        np.savez_compressed(file, points=found.points, whole=found.whole)
