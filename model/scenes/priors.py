@@ -19,7 +19,7 @@ PEAK = (0.75, 0.95)
 def with_priors(
     case: Case, opinion: Opinion, rng: np.random.Generator, wrong_probability: float = 0.3
 ) -> Case:
-    """The case with other priors; its topology stays as it is.
+    """The case with other priors; its topology stays as it is, as does the density that it was made with.
 
     Args:
         case: A generated case.
@@ -34,12 +34,14 @@ def with_priors(
     if case.truth is None:
         raise InputError(f"case {case.name}: the true materials are not known: its priors stay as they are")
     priors = []
-    for material in case.truth.material:
+    for known, material in zip(case.priors, case.truth.material, strict=True):
         named = int(material)
         if opinion == "wrong" and rng.random() < wrong_probability:
             named = int((named + rng.integers(1, len(MATERIALS))) % len(MATERIALS))
         weights = uniform() if opinion == "uniform" else peaked(named, rng)
-        priors.append(believed(weights, case.shape_class))
+        said = believed(weights, case.shape_class)
+        density = known.properties["density"]
+        priors.append(replace(said, properties={**said.properties, "density": density}))
     return replace(case, priors=tuple(priors))
 
 

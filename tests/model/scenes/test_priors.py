@@ -9,11 +9,13 @@ from model.scenes.priors import PEAK, with_priors
 
 def test_a_right_expert_names_the_true_materials_and_nothing_else_changes(make_case):
     case = make_case()
+    case = replace(case, priors=(case.priors[0],) * 2)
     told = with_priors(case, "right", np.random.default_rng(0))
     for prior, material in zip(told.priors, case.truth.material, strict=True):
         assert PEAK[0] <= prior.distribution[material] <= PEAK[1]
         assert prior.distribution.sum() == pytest.approx(1.0)
         assert prior.shape_class == case.shape_class
+        assert prior.properties["density"] == case.priors[0].properties["density"]
     assert told.topology is case.topology
     assert told.observation is case.observation
 

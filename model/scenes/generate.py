@@ -1,0 +1,115 @@
+"""A folder of generated cases: the same for the same seed, however many processes make it."""
+
+import warnings
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+from model.errors import InputError
+from model.progress import StageReport
+from model.scenes.case import ObjectClass
+from model.scenes.files import SUFFIX, CaseIndex, save_case, write_index
+from model.scenes.world.shapes import CLASSES
+
+AHEAD = 4
+"""Objects that wait for each process."""
+
+
+def generate(
+    folder: Path,
+    count: int,
+    seed: int = 0,
+    *,
+    workers: int = 1,
+    classes: tuple[ObjectClass, ...] = CLASSES,
+    first: int = 0,
+    interactions: int | None = None,
+    report: StageReport = lambda stage, share: None,
+) -> CaseIndex:
+    """Make objects with their cases, and the index of the folder.
+
+    Object number i of a seed is the same in every folder that has it.
+
+    Args:
+        folder: Where the files go: an empty or a new one.
+        count: Objects; each comes in three or four interactions.
+        seed: Of the world.
+        workers: Processes.
+        classes: Of objects, which take turns.
+        first: Number of the first object.
+        interactions: How many per object; None: three or four.
+        report: Told how far the work is.
+
+    Raises:
+        InputError: the folder has cases already, or cannot be written to.
+    """
+    if folder.exists() and any(folder.glob(f"*{SUFFIX}")):
+        raise InputError(f"{folder}: has cases already: give an empty folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write {folder}: {(error.strerror or str(error)).lower()}") from None
+    task = partial(_make, folder, seed, classes, interactions)
+    report("scenes", 0.0)
+    for done, _ in enumerate(_in_processes(task, range(first, first + count), workers), start=1):
+        report("scenes", done / (count + 1))
+    index = write_index(folder, seed)
+    report("done", 1.0)
+    return index
+
+
+def _make(
+    folder: Path, seed: int, classes: tuple[ObjectClass, ...], interactions: int | None, number: int
+) -> int:
+    """One object's cases, as files; how many. A world that diverges is left out, and said."""
+    from model.scenes.world.cases import draw_cases
+    from model.simulator.divergence import SimulationDiverged
+
+    try:
+        with _one_thread():
+            cases = draw_cases(seed, number, classes[number % len(classes)], interactions)
+    except SimulationDiverged as error:
+        warnings.warn(f"object {number} of seed {seed} is left out: {error}", stacklevel=2)
+        return 0
+    for case in cases:
+        save_case(case, folder / f"{case.name}{SUFFIX}")
+    return len(cases)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """The simulator on one thread: its work is shared by processes instead."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _in_processes(task: "partial[int]", numbers: range, workers: int) -> Iterator[int]:
+    """Results as they come; an interruption stops what has not begun."""
+    if workers == 1:
+        yield from map(task, numbers)
+        return
+    # spawned: a fork of a process that has used torch may hang
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        left, waiting = iter(numbers), set[Future[int]]()
+        try:
+            while True:
+                for number in left:
+                    waiting.add(pool.submit(task, number))
+                    if len(waiting) >= AHEAD * workers:
+                        break
+                if not waiting:
+                    return
+                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)

@@ -1,0 +1,43 @@
+"""The parameters of a generated case's twin as its truth has them: what no predictor can beat by much."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from model.errors import InputError
+from model.predictor.lattice import lattice_stiffness
+from model.predictor.prior_mean import PriorMeanPredictor
+from model.scenes.case import Case
+from model.types import Estimate, Parameters
+
+
+def true_parameters(case: Case) -> Parameters:
+    """Every part's true modulus on the twin's springs, and the true global parameters.
+
+    Springs across a border take the mean of the two logarithms.
+
+    Raises:
+        InputError: the case has no truth.
+    """
+    truth = case.truth
+    if truth is None:
+        raise InputError(f"case {case.name}: its truth is not known")
+    topology, seen = case.topology, case.observation
+    exact = tuple(
+        replace(prior, properties={**prior.properties, "stiffness": Estimate(float(modulus), 0.0, "Pa")})
+        for prior, modulus in zip(case.priors, truth.modulus, strict=True)
+    )
+    guess = PriorMeanPredictor().from_priors(
+        topology, exact, case.shape_class, seen.gravity, seen.ground_height
+    )
+    density = np.array([prior.properties["density"].mean for prior in case.priors])
+    mass = np.bincount(topology.part, topology.mass.astype(np.float64), minlength=len(density))
+    unit = lattice_stiffness(topology, np.ones(len(density)), mass / density, case.shape_class)
+    logs = np.log(truth.modulus)[topology.part[topology.springs]].mean(axis=1)
+    names = ("dashpot_damping", "drag_rate", "friction", "restitution")
+    exactly = {
+        name: replace(guess.globals[name], value=float(getattr(truth, name)), std=None) for name in names
+    }
+    return replace(
+        guess, stiffness=(unit * np.exp(logs)).astype(np.float32), globals={**guess.globals, **exactly}
+    )
