@@ -1,10 +1,8 @@
 """DINOv2 patch features from a weights folder on this machine."""
 
-import hashlib
-import json
 import os
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -12,15 +10,14 @@ import torch
 from jaxtyping import Float32, UInt8
 
 from model.encoders.base import SemanticEncoder
-from model.errors import InputError, MissingDependencyError
+from model.encoders.weights_folder import IMAGENET_MEAN, IMAGENET_STD, load_network
+from model.errors import InputError
 from model.types import Array
 
 WEIGHTS_VARIABLE = "MATPHYS_DINOV2"
 LONG_SIDE = 518
 """The resolution DINOv2 was finished at [px]."""
-IMAGENET_MEAN = (0.485, 0.456, 0.406)
-IMAGENET_STD = (0.229, 0.224, 0.225)
-WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin")
+WHO = "dinov2 encoder"
 ARCHITECTURES = {"dinov2": "Dinov2Model", "dinov2_with_registers": "Dinov2WithRegistersModel"}
 
 
@@ -52,11 +49,9 @@ class Dinov2Encoder(SemanticEncoder):
         super().__init__()
         chosen = folder or os.environ.get(WEIGHTS_VARIABLE)
         if not chosen:
-            raise InputError(f"dinov2 encoder: no weights; set {WEIGHTS_VARIABLE} to a folder of the model")
+            raise InputError(f"{WHO}: no weights; set {WEIGHTS_VARIABLE} to a folder of the model")
         path = Path(chosen).expanduser()
-        architecture = _architecture(path)
-        self.weights = _sha256(_weights_file(path))
-        self.network = _load(path, architecture)
+        self.network, self.weights = load_network(path, ARCHITECTURES, WHO, "DINOv2")
         self.dim = int(self.network.config.hidden_size)
         self.patch = int(self.network.config.patch_size)
         # CLS comes first, then the registers of the architecture that has them.
@@ -83,52 +78,3 @@ def _pixels(image: UInt8[Array, "H W 3"], height: int, width: int) -> torch.Tens
     )
     normal = (resized - np.array(IMAGENET_MEAN, np.float32)) / np.array(IMAGENET_STD, np.float32)
     return torch.from_numpy(np.ascontiguousarray(normal.transpose(2, 0, 1)))[None]
-
-
-def _architecture(folder: Path) -> str:
-    """Name of the transformers class that `config.json` asks for."""
-    config = folder / "config.json"
-    if not config.is_file():
-        raise InputError(f"dinov2 encoder: {folder} has no config.json; give the folder of a DINOv2 model")
-    try:
-        kind = json.loads(config.read_text(encoding="utf-8"))["model_type"]
-    except (ValueError, KeyError, TypeError):
-        raise InputError(f"dinov2 encoder: {config} does not say its model_type; download it again") from None
-    if kind not in ARCHITECTURES:
-        wanted = " or ".join(ARCHITECTURES)
-        raise InputError(f"dinov2 encoder: {folder} holds a {kind!r} model; give one of type {wanted}")
-    return ARCHITECTURES[kind]
-
-
-def _weights_file(folder: Path) -> Path:
-    for name in WEIGHT_FILES:
-        if (folder / name).is_file():
-            return folder / name
-    raise InputError(f"dinov2 encoder: {folder} has neither {' nor '.join(WEIGHT_FILES)}; download it again")
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _load(folder: Path, architecture: str) -> Any:  # noqa: ANN401 - transformers' classes are untyped
-    try:
-        import transformers
-    except ImportError:
-        raise MissingDependencyError(
-            "dinov2 encoder needs transformers: pip install 'matphys[weights]'"
-        ) from None
-    try:
-        network, report = getattr(transformers, architecture).from_pretrained(
-            folder, local_files_only=True, output_loading_info=True
-        )
-    except Exception as error:  # whatever the readers of each format raise
-        line = " ".join(f"{error}".split())[:200] or type(error).__name__
-        raise InputError(f"dinov2 encoder: the weights in {folder} cannot be loaded: {line}") from None
-    missing = sorted(report["missing_keys"])
-    if missing:  # transformers would go on with random numbers in their place
-        raise InputError(
-            f"dinov2 encoder: the weights in {folder} lack {missing[0]} and others; download them again"
-        )
-    return network.eval().requires_grad_(False)
