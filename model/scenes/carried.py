@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from jaxtyping import Float32, Int64
+from jaxtyping import Float32, Float64, Int32, Int64
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
@@ -19,6 +19,8 @@ FRIENDS = 8
 """Observed points that each observed point is joined to."""
 FOLLOWED = 8
 """Observed points that a Gaussian follows."""
+SLACK = 1e-3
+"""How much is left missing rather than shifting neighbours apart."""
 
 
 def carried(
@@ -53,12 +55,13 @@ def carried(
     both = together(gaussians, _dots(case.rest))
     skin = Skin(both, handles)
     laid = matrices(torch.as_tensor(gaussians.quaternions))
+    spreading = _spreading(own_index, own_weight)
     for points in case.complete:
         with torch.no_grad():
             means, quaternions = skin(torch.as_tensor(points))
             turns = matrices(quaternions[:count]) @ laid.transpose(1, 2)
-        missing = points - means[count:].numpy()
-        shifted = means[:count].numpy() + (weight[..., None] * missing[index]).sum(axis=1)
+        shift = spreading @ (points - means[count:].numpy())
+        shifted = means[:count].numpy() + (weight[..., None] * shift[index]).sum(axis=1)
         yield shifted.astype(np.float32), quaternions[:count].numpy(), turns.numpy()
 
 
@@ -81,6 +84,14 @@ def along_the_body(case: Case) -> Int64[Array, "E 2"]:
     pairs = np.stack([np.repeat(np.arange(count), nearest.shape[1]), nearest.ravel()], axis=1)
     reached = np.isfinite(np.take_along_axis(distance, nearest, axis=1)).ravel()
     return np.unique(np.sort(pairs[reached], axis=1), axis=0).astype(np.int64)
+
+
+def _spreading(index: Int32[Array, "N k"], weight: Float32[Array, "N k"]) -> Float64[Array, "N N"]:
+    """Turns what is missing at the observed points into shifts whose weighted means are what is missing."""
+    mean = np.zeros((len(index), len(index)))
+    np.add.at(mean, (np.arange(len(index))[:, None], index), weight)
+    spreading: Float64[Array, "N N"] = np.linalg.solve(mean.T @ mean + SLACK * np.eye(len(index)), mean.T)
+    return spreading
 
 
 def _dots(points: Float32[Array, "N 3"]) -> Gaussians:

@@ -19,7 +19,7 @@ from model.scenes.grasp import Hand, hands_of
 from model.scenes.looks.base import Finish, Look
 from model.scenes.looks.dress import Dress, dress
 from model.scenes.looks.light import lit
-from model.scenes.looks.paint import draw_look
+from model.scenes.looks.paint import draw_look, wardrobe
 from model.scenes.looks.setting import Setting
 from model.scenes.looks.viewpoint import draw_camera
 from model.scenes.splats import together
@@ -34,6 +34,10 @@ FINENESS = 0.24
 """Discs along the diagonal of the body, per pixel along the longer side of the film."""
 FINEST, COARSEST = 0.001, 0.008
 """Spacing of discs [m]."""
+AVERTED = -0.25
+"""Cosine between outward and the way to the camera below which nothing is drawn."""
+ALOFT = 1.0
+"""Height above a ground that is not there [m]."""
 HALF = 0.5
 """Alpha from which on a pixel belongs to something."""
 
@@ -66,14 +70,14 @@ class Shot:
 def film_case(case: Case, folder: Path, size: tuple[int, int] = (640, 480), seed: int = 0) -> Path:
     """Film a case; equal cases, sizes and seeds give equal files.
 
-    Two interactions of one object show the same object: its look follows from its name and the seed.
+    All films of an object show the same object: its look follows from its name.
     What is written is described in `docs/scenes.md`.
 
     Args:
         case: With Gaussians and `complete`; its camera, where it has one, is the film's.
         folder: Where the files go; made if it is not there.
         size: Width and height of the film [px]; with the case's own camera, the longer side alone counts.
-        seed: For looks, lamps, tables, cameras and the noise of the sensor.
+        seed: For lamps, tables, cameras and the noise of the sensor.
 
     Returns:
         The film.
@@ -105,12 +109,12 @@ def set_scene(case: Case, size: tuple[int, int], seed: int) -> Scene:
     """
     if case.gaussians is None or case.complete is None or not len(case.topology.binding_index):
         raise InputError(f"case {case.name}: a film needs its Gaussians and the motion of all its points")
-    wardrobe, stage = _rng(case.object_name, seed, "looks"), _rng(case.name, seed, "stage")
-    looks = tuple(draw_look(material, wardrobe) for material in materials_of(case))
+    threads, stage = wardrobe(case.object_name), _rng(case.name, seed, "stage")
+    looks = tuple(draw_look(material, threads) for material in materials_of(case))
     labels = case.topology.part[case.topology.binding_index[:, 0]]
     diagonal = float(np.linalg.norm(np.ptp(case.gaussians.means, axis=0)))
     spacing = float(np.clip(diagonal / (FINENESS * max(size)), FINEST, COARSEST))
-    body = dress(case.gaussians, labels, looks, spacing, wardrobe, known=case.rest)
+    body = dress(case.gaussians, labels, looks, spacing, threads, known=case.rest)
     happens = np.concatenate([case.complete.reshape(-1, 3), case.observation.controllers.reshape(-1, 3)])
     camera = draw_camera(happens, size, stage) if case.camera is None else scaled(case.camera, max(size))
     setting = Setting.draw(stage)
@@ -132,23 +136,28 @@ def shoot(scene: Scene, rng: np.random.Generator) -> Iterator[Shot]:
     ground = case.observation.ground_height
     background, on_table = setting.empty(camera, case.rest.mean(axis=0), ground, rng)
     cast = together(scene.body.gaussians, *(hand.coat.gaussians for hand in scene.hands))
-    body_count = len(scene.body.gaussians)
+    lamp, body_count = setting.light, len(scene.body.gaussians)
     tags = np.zeros((len(cast), 3), np.float32)
     tags[:body_count, 0], tags[body_count:, 1] = 1, 1
     finishes = [*(look.finish for look in scene.looks), SKIN]
     label = np.concatenate([scene.body.label, np.full(len(cast) - body_count, len(scene.looks))])
     for frame, (body, turned, turns) in enumerate(carried(case, scene.body.gaussians)):
-        normals = np.einsum("gij,gj->gi", turns, scene.body.normals)
         played = [hand.at(frame) for hand in scene.hands]
         means = np.concatenate([body, *(hand[0] for hand in played)])
-        moved = replace(cast, means=means, quaternions=np.concatenate([turned, *(h[1] for h in played)]))
-        facing = np.concatenate([normals, *(hand[2] for hand in played)])
+        quaternions = np.concatenate([turned, *(hand[1] for hand in played)])
+        normals, outward = (
+            np.concatenate([np.einsum("gij,gj->gi", turns, own), *(hand[2] for hand in played)])
+            for own in (scene.body.normals, scene.body.outward)
+        )
         views = camera.position - means
         views /= np.linalg.norm(views, axis=1, keepdims=True)
-        heights = means[:, 2] - (ground or 0.0) if ground is not None else np.full(len(means), 1.0)
-        colors = lit(cast.colors, facing, views, heights, finishes, label, setting.light)
-        empty = setting.shaded(background, on_table, means, moved.volumes, ground, camera)
-        image, tagged = _rendered(moved, colors, camera), _rendered(moved, tags, camera)
+        # What looks away is behind something, unless its side of a thin sheet is drawn over the other.
+        front = (outward * views).sum(axis=1) > AVERTED
+        moved = _some(replace(cast, means=means, quaternions=quaternions), front)
+        heights = moved.means[:, 2] - ground if ground is not None else np.full(len(moved), ALOFT)
+        colors = lit(moved.colors, normals[front], views[front], heights, finishes, label[front], lamp)
+        empty = setting.shaded(background, on_table, means, cast.volumes, ground, camera)
+        image, tagged = _rendered(moved, colors, camera), _rendered(moved, tags[front], camera)
         alpha = image.alpha.numpy()[..., None]
         picture = setting.sensor.expose(image.color.numpy() + (1 - alpha) * empty, rng)
         shares = tagged.color.numpy()
@@ -171,6 +180,17 @@ def seen_points(
     x, y = np.where(inside[:, None], place, 0).T
     seen: Bool[Array, " N"] = inside & thing[y, x] & (reach < depth[y, x] + HIDDEN)
     return seen
+
+
+def _some(gaussians: Gaussians, chosen: Bool[Array, " G"]) -> Gaussians:
+    return Gaussians(
+        means=gaussians.means[chosen],
+        scales=gaussians.scales[chosen],
+        quaternions=gaussians.quaternions[chosen],
+        opacities=gaussians.opacities[chosen],
+        colors=gaussians.colors[chosen],
+        volumes=gaussians.volumes[chosen],
+    )
 
 
 def _rendered(gaussians: Gaussians, colors: Float32[Array, "G 3"], camera: Camera) -> Rendering:

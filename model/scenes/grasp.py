@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Float, Float32, Float64, Int
-from scipy.cluster.hierarchy import fcluster, linkage
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from model.rotations import multiply, nearest_rotations
@@ -13,8 +14,10 @@ from model.scenes.hand import hand_coat
 from model.scenes.splats import Coat
 from model.types import Array, Camera, Gaussians
 
-ONE_HAND = 0.05
-"""Controllers that are this near to each other [m] belong to one hand."""
+ONE_HAND = 0.09
+"""Controllers of one hand are no farther from the next than this [m]."""
+RIGID = 0.004
+"""Distances between controllers of one hand change by less than this [m]."""
 PINCH = 0.008
 """How deep fingertips sink into what they hold, at most [m]."""
 LOOSE = 0.004
@@ -33,13 +36,14 @@ class Hand:
     """At rest: where it is in frame 0."""
     turns: Float64[Array, "T 3 3"]
     shifts: Float64[Array, "T 3"]
-    """A point p of it is at turn (p - pivot) + pivot + shift."""
-    pivot: Float64[Array, " 3"]
+    """A point p of it is at turn (p - middle) + middle + shift."""
+    middle: Float64[Array, " 3"]
+    """Of its controllers in frame 0 [m]."""
 
     def at(self, frame: int) -> tuple[Float32[Array, "G 3"], Float32[Array, "G 4"], Float32[Array, "G 3"]]:
         """Means [m], quaternions and normals in a frame."""
         turn, gaussians = self.turns[frame], self.coat.gaussians
-        means = (gaussians.means - self.pivot) @ turn.T + self.pivot + self.shifts[frame]
+        means = (gaussians.means - self.middle) @ turn.T + self.middle + self.shifts[frame]
         normals = self.coat.normals @ turn.T
         return means.astype(np.float32), _turned(gaussians, turn), normals.astype(np.float32)
 
@@ -62,7 +66,7 @@ def hands_of(
     """
     if controllers.shape[1] == 0:
         return []
-    group = hand_groups(controllers[0])
+    group = hand_groups(controllers)
     plain = hand_coat(rng)
     tone = float(SKINS[int(rng.integers(len(SKINS)))])
     colors = np.clip(plain.gaussians.colors * tone, 0, 1).astype(np.float32)
@@ -71,23 +75,23 @@ def hands_of(
     others: list[Float64[Array, "n 3"]] = []
     for number in range(int(group.max()) + 1):
         held = controllers[:, group == number].astype(np.float64)
-        pivot = touching(held[0].mean(axis=0), surface, normals)
+        middle = held[0].mean(axis=0)
+        pivot = touching(middle, surface, normals)
         turns, shifts = _followed(held)
         right = camera.project(pivot[None])[0][0, 0] >= camera.width / 2 or group.max() == 0
         coat = toned if right else _mirrored(toned)
         turn = _approach(coat, pivot, surface, others, camera)
         laid = _laid(coat, turn, pivot)
         others.append(laid.gaussians.means[::7].astype(np.float64))
-        placed.append(Hand(laid, turns, shifts, pivot))
+        placed.append(Hand(laid, turns, shifts, middle))
     return placed
 
 
-def hand_groups(controllers: Float32[Array, "C 3"]) -> Int[Array, " C"]:
-    """Which hand each controller belongs to, from 0 on."""
-    if len(controllers) == 1:
-        return np.zeros(1, np.int64)
-    joined = fcluster(linkage(controllers.astype(np.float64), "single"), ONE_HAND, "distance")
-    groups: Int[Array, " C"] = np.unique(joined, return_inverse=True)[1]
+def hand_groups(controllers: Float32[Array, "T C 3"]) -> Int[Array, " C"]:
+    """Which hand each controller belongs to, from 0 on: those that are near and keep their distances."""
+    apart = np.linalg.norm(controllers[:, :, None] - controllers[:, None], axis=3)
+    joined = (apart[0] < ONE_HAND) & (np.ptp(apart, axis=0) < RIGID)
+    groups: Int[Array, " C"] = connected_components(csr_matrix(joined), directed=False)[1]
     return groups
 
 

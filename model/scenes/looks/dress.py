@@ -27,6 +27,8 @@ class Dress:
     """Their colours are the albedo."""
     normals: Float32[Array, "G 3"]
     """For the light: outward, unit, with the material's relief."""
+    outward: Float32[Array, "G 3"]
+    """Away from the inside of the body, unit: what looks away from the camera is not seen."""
     label: Int32[Array, " G"]
     """Which look each wears."""
 
@@ -76,7 +78,9 @@ def _worn(
     rough = normals + relief
     rough /= np.maximum(np.linalg.norm(rough, axis=1, keepdims=True), 1e-9)
     colors = np.clip(albedos(looks, label, place) * gaussians.colors, 0, 1).astype(np.float32)
-    return Dress(replace(gaussians, colors=colors), rough.astype(np.float32), label)
+    return Dress(
+        replace(gaussians, colors=colors), rough.astype(np.float32), normals.astype(np.float32), label
+    )
 
 
 def _discs(surface: Surface) -> Gaussians:
@@ -120,5 +124,6 @@ def _both(skin: Dress, pile: Dress) -> Dress:
     return Dress(
         together(skin.gaussians, pile.gaussians),
         np.concatenate([skin.normals, pile.normals]),
+        np.concatenate([skin.outward, pile.outward]),
         np.concatenate([skin.label, pile.label]),
     )

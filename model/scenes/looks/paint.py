@@ -1,5 +1,6 @@
 """Gaussians in the colours of what they are made of."""
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -40,7 +41,7 @@ def paint(
         gaussians: The body, in any order.
         parts: Label per Gaussian.
         materials: Of each part, an index into `MATERIALS`.
-        rng: For dyes and patterns.
+        rng: For dyes and patterns; `wardrobe(name)`, and films of the object show the same ones.
 
     Raises:
         InputError: there are not as many materials as parts.
@@ -50,6 +51,12 @@ def paint(
     looks = [draw_look(int(material), rng) for material in materials]
     place = texture_place(gaussians.means, gaussians.means)
     return replace(gaussians, colors=albedos(looks, parts.labels, place).astype(np.float32))
+
+
+def wardrobe(object_name: str) -> np.random.Generator:
+    """The numbers that an object's look is drawn with: whoever paints or films it draws the same."""
+    digest = hashlib.sha256(f"looks of {object_name}".encode()).digest()
+    return np.random.default_rng(int.from_bytes(digest[:8], "little"))
 
 
 def draw_look(material: int, rng: np.random.Generator) -> Look:

@@ -12,16 +12,17 @@ from model.types import Array, Gaussians
 
 WIDTH = 0.6
 """Standard deviation of a Gaussian of the field, over the side of the cube that it stands for."""
-LEVEL = 1.0
-"""Of the field on the surface, where nothing better is known: a string of single Gaussians then is as thick
-as their volume says, and a thick body by a quarter of their spacing thicker."""
-LOWEST, WHOLE = 0.6, 0.85
-"""The level is at least the first, and at most the second times what one in ten Gaussians is below:
-so that the surface encloses them."""
+LEVEL, WHOLE = 1.0, 0.6
+"""Of the field on the surface; at most the second times what one in ten Gaussians is below, so that the
+surface encloses them."""
+SUNK = 0.5
+"""How far the surface is moved inwards to known points of it, at most: in spacings, of round Gaussians."""
 NEAR = 12
 """Gaussians that count at a place."""
-OUT = 1.6
-"""Outside every surface: this far from the centre of a Gaussian at it, in spacings."""
+OUT = 2.7
+"""Outside every surface: this far from the centre of a Gaussian at it, in standard deviations."""
+FLATTEST = 0.2
+"""Least thickness of a Gaussian of the field over its width."""
 BISECTIONS = 6
 EVEN, SWEEPS = 1.2, 2
 """Within how many spacings the surface is evened out, and how often."""
@@ -50,7 +51,7 @@ def surface_of(
 ) -> Surface:
     r"""Points spread over a level of $\sum_g \exp(-\tfrac12 m_g^2)$, evened out.
 
-    m is the Mahalanobis distance to a Gaussian of the given shape but as large as its volume asks for.
+    m is the Mahalanobis distance to a Gaussian, made larger where its volume asks for it.
     From every Gaussian, rays go out until they leave the body.
 
     Args:
@@ -63,9 +64,9 @@ def surface_of(
         Blinn (1982), A generalization of algebraic surface drawing.
     """
     field = _Field(gaussians)
-    level = LEVEL if known is None else field.level(known.astype(np.float64))
-    reach = OUT * field.side
-    rays = int(np.clip(8.0 * float(np.median(field.side) / spacing) ** 2, 24, 240))
+    level = field.level()
+    reach = field.reach
+    rays = int(np.clip(8.0 * (field.spacing / spacing) ** 2, 24, 240))
     # Only Gaussians that see the outside send out rays.
     probe = _sphere(14)
     outside = [field.value(field.means + reach[:, None] * ray) < level for ray in probe]
@@ -82,9 +83,11 @@ def surface_of(
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     points = field.means[start] + high[:, None] * ray
     points = _thinned(points, 0.7 * spacing)
-    points, normals = _evened(points, field, EVEN * float(np.median(field.side)))
+    points, normals = _evened(points, field, EVEN * field.spacing)
     kept = _first_of_cells(points, 0.9 * spacing)
     points, normals = points[kept], normals[kept]
+    if known is not None:
+        points = points + _offset(known.astype(np.float64), points, normals, field) * normals
     return Surface(points, normals, field.nearest(points), spacing)
 
 
@@ -95,9 +98,13 @@ class _Field:
         self.means = gaussians.means.astype(np.float64)
         self.side = np.cbrt(gaussians.volumes.astype(np.float64))
         scales = gaussians.scales.astype(np.float64)
-        scales = scales * (WIDTH * self.side / np.cbrt(scales.prod(axis=1)))[:, None]
+        small = WIDTH * self.side / np.cbrt(scales.prod(axis=1))
+        scales = scales * np.maximum(small, 1.0)[:, None]
         # Flat ones stay flat, but no flatter than keeps the surface in one piece.
-        scales = np.maximum(scales, 0.25 * scales.max(axis=1, keepdims=True))
+        scales = np.maximum(scales, FLATTEST * scales.max(axis=1, keepdims=True))
+        self.reach = OUT * scales.max(axis=1)
+        self.spacing = float(np.median(scales.max(axis=1))) / WIDTH
+        self.thickness = float(np.median(scales.min(axis=1))) / WIDTH
         self.whitening = (
             matrices(torch.as_tensor(gaussians.quaternions)).double().numpy() / scales[:, None, :]
         )
@@ -107,10 +114,8 @@ class _Field:
         owner: Int64[Array, " P"] = self.tree.query(points)[1].astype(np.int64)
         return owner
 
-    def level(self, known: Float64[Array, "N 3"]) -> float:
-        """Of the surface nearest to known points of it."""
-        highest = WHOLE * float(np.quantile(self.value(self.means), 0.1))
-        return float(np.clip(np.median(self.value(known)), min(LOWEST, highest), highest))
+    def level(self) -> float:
+        return min(LEVEL, WHOLE * float(np.quantile(self.value(self.means), 0.1)))
 
     def value(self, points: Float64[Array, "P 3"]) -> Float64[Array, " P"]:
         return self.with_gradient(points)[0]
@@ -129,6 +134,15 @@ class _Field:
             value[part] = each.sum(axis=1)
             gradient[part] = -np.einsum("pk,pkj,pkij->pi", each, white, self.whitening[index])
         return value, gradient
+
+
+def _offset(
+    known: Float64[Array, "N 3"], points: Float64[Array, "P 3"], normals: Float64[Array, "P 3"], field: _Field
+) -> float:
+    """How far outwards of the surface known points of it are [m]; thin sheets keep their thickness."""
+    index = cKDTree(points).query(known)[1]
+    height = float(np.median(((known - points[index]) * normals[index]).sum(axis=1)))
+    return float(np.clip(height, -SUNK * field.thickness, SUNK * field.thickness))
 
 
 def _evened(

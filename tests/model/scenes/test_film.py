@@ -84,12 +84,12 @@ def test_tracks_lie_on_the_object_where_they_are_seen(case, folder):
     assert np.median(depth[0][visible[0]]) < np.median(depth[0][~visible[0]])
 
 
-def test_equal_seeds_give_equal_films_and_others_another_look(case, folder):
+def test_equal_seeds_give_equal_films_and_others_another_room(case, folder):
     film.film_case(case, folder / "b", (160, 120), seed=3)
     for name in ("film.mp4", "tracks.npz", "film.json", "camera.json"):
         assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes()
     one, other = (film.set_scene(without_hands(case), (160, 120), seed) for seed in (3, 4))
-    assert one.looks != other.looks
+    assert one.looks == other.looks
     assert one.setting != other.setting
 
 

@@ -3,8 +3,8 @@ import pytest
 
 from model.errors import InputError
 from model.priors.materials import MATERIALS
-from model.scenes.looks import ALL_LOOKS, paint
-from model.scenes.looks.paint import texture_place
+from model.scenes.looks import ALL_LOOKS, paint, wardrobe
+from model.scenes.looks.paint import draw_look, texture_place
 from model.types import Gaussians, Parts
 
 
@@ -48,3 +48,9 @@ def test_the_texture_stays_on_a_body_that_is_laid_elsewhere(body):
     moved = body.means.astype(np.float64) @ turn.T + [0.3, -0.2, 0.1]
     here, there = (texture_place(means, means) for means in (body.means, moved))
     np.testing.assert_allclose(here, there, atol=1e-6)
+
+
+def test_the_wardrobe_of_an_object_is_its_own():
+    one, again, other = (draw_look(0, wardrobe(name)) for name in ("bear-1", "bear-1", "bear-2"))
+    assert one == again
+    assert one != other
