@@ -11,9 +11,12 @@ from model.predictor.layers import head
 from model.predictor.limits import soft_limit
 
 WIDEST = 4.0
-"""Spreads of the prior by which a part may differ from its mean at most."""
-FARTHEST = 3.0
-"""The least such limit [ln]: a sure prior may be wrong, a modulus twenty times off stays in reach."""
+"""Spreads of the prior by which a quantity may differ from its mean at most."""
+SPAN = 8.0
+"""The least such limit of a modulus [ln]: a prior may be sure of the wrong one of the ten materials, whose
+moduli span a factor of 2500 (ln: 7.8)."""
+GLOBAL_SPAN = 1.5
+"""The least such limit of a global parameter."""
 FIELD = 0.75
 """How far a spring may differ from its part at most [ln]: parts are chosen to be of one material."""
 GRIP = 1.5
@@ -48,7 +51,7 @@ class PartDecoder(nn.Module):
             prior_spread: Standard deviation of ln modulus by the prior.
         """
         shift, sureness = self.head(read).unbind(-1)
-        limit = (WIDEST * prior_spread).clamp_min(FARTHEST)
+        limit = (WIDEST * prior_spread).clamp_min(SPAN)
         return soft_limit(shift, limit), prior_spread * soft_limit(sureness, SURENESS).exp()
 
 
@@ -115,5 +118,5 @@ class GlobalDecoder(nn.Module):
             prior_spread: Standard deviations by the prior.
         """
         shift, sureness = torch.chunk(self.head(read), 2, dim=-1)
-        limit = (WIDEST * prior_spread).clamp_min(0.5 * FARTHEST)
+        limit = (WIDEST * prior_spread).clamp_min(GLOBAL_SPAN)
         return soft_limit(shift, limit), prior_spread * soft_limit(sureness, SURENESS).exp()

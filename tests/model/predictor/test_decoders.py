@@ -1,6 +1,8 @@
+import numpy as np
 import torch
 
-from model.predictor.decoders import FIELD, GRIP, EdgeDecoder, GlobalDecoder, GripDecoder, PartDecoder
+from model.predictor.decoders import FIELD, GRIP, SPAN, EdgeDecoder, GlobalDecoder, GripDecoder, PartDecoder
+from model.priors.materials import MATERIALS, typical
 
 READ = torch.randn(50, 6, generator=torch.Generator().manual_seed(0))
 
@@ -26,16 +28,26 @@ def loud(decoder):
     return decoder
 
 
+def test_the_right_material_is_within_reach_of_a_wrong_prior():
+    for shape in ("solid", "sheet", "rope"):
+        logs = [np.log(typical(material, shape)["stiffness"].mean) for material in MATERIALS]
+        assert np.ptp(logs) < SPAN
+
+
 def test_heads_stay_within_their_limits_and_never_saturate():
     torch.manual_seed(0)
-    spread = torch.cat([torch.full((25,), 0.3), torch.full((25,), 2.0)])
+    spread = torch.cat([torch.full((25,), 0.3), torch.full((25,), 3.0)])
     shift, found = loud(PartDecoder(6, 16, 0.0))(READ, spread)
-    assert (shift[:25].abs() < 3.0).all()  # however sure the prior is
-    assert (shift[25:].abs() < 8.0).all()
-    assert shift[:25].abs().max() > 2.9
-    assert shift[25:].abs().max() > 7.5
+    assert (shift[:25].abs() < 8.0 + 1e-5).all()  # however sure the prior is
+    assert (shift[25:].abs() < 12.0 + 1e-5).all()
+    assert shift[:25].abs().max() > 7.9
+    assert shift[25:].abs().max() > 11.5
     assert (found / spread < 20.1).all()
     assert (found / spread > 0.049).all()
+    shift, _ = loud(GlobalDecoder(6, 16, 0.0))(READ, spread[:, None].expand(50, 4))
+    assert (shift[:25].abs() < 1.5 + 1e-5).all()
+    assert (shift[25:].abs() < 12.0 + 1e-5).all()
+    assert shift[25:].abs().max() > 11.5
     assert (loud(EdgeDecoder(6, 16, 0.0))(READ)[0].abs() < FIELD + 1e-6).all()
     assert (loud(GripDecoder(6, 16, 0.0))(READ).abs() < GRIP + 1e-6).all()
     decoder = loud(PartDecoder(6, 16, 0.0)).double()
