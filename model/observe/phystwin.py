@@ -33,13 +33,21 @@ def observe_phystwin(path: Path, fps: float = FPS) -> Observation:
     """
     if not fps > 0.0:
         raise InputError(f"--fps {fps:g}: expected more than 0")
-    arrays = read_pickled_arrays(path)
-    points = _required(arrays, "object_points", path.name)
-    controllers = _required(arrays, "controller_points", path.name)
+    return observe_arrays(read_pickled_arrays(path), path.name, fps)
+
+
+def observe_arrays(arrays: dict[str, Array], name: str, fps: float = FPS) -> Observation:
+    """The same, of what such a file holds; `name` is what messages call it.
+
+    Raises:
+        InputError: as `observe_phystwin`.
+    """
+    points = _required(arrays, "object_points", name)
+    controllers = _required(arrays, "controller_points", name)
     if points.ndim != 3 or points.shape[2] != 3:
-        raise InputError(f"{path.name}: object_points: expected shape [T, N, 3], found {list(points.shape)}")
+        raise InputError(f"{name}: object_points: expected shape [T, N, 3], found {list(points.shape)}")
     frames = min(len(points), len(controllers))
-    seen = _seen(arrays, points.shape[:2], path.name)
+    seen = _seen(arrays, points.shape[:2], name)
     turned = np.where(seen[..., None], points * TURN, np.nan)[:frames]
     content = {
         "times": np.arange(frames) / fps,
@@ -49,8 +57,8 @@ def observe_phystwin(path: Path, fps: float = FPS) -> Observation:
     }
     colors = arrays.get("object_colors")
     if colors is not None:
-        content["colors"] = _colors(colors, points.shape[1], path.name)
-    return parse_observation(content, path.name)
+        content["colors"] = _colors(colors, points.shape[1], name)
+    return parse_observation(content, name)
 
 
 def _required(arrays: dict[str, Array], key: str, name: str) -> Array:
