@@ -22,6 +22,7 @@ KINDS = ("plush", "cloth", "rope", "foam", "bag", "mixed")
 @click.option(
     "--class", "kinds", type=click.Choice(KINDS), multiple=True, help="Only this one; may be repeated."
 )
+@click.option("--video", is_flag=True, help="Also film every case (half a minute each): FOLDER/films/CASE.")
 @click.option("--workers", type=click.IntRange(1, 64), default=2, show_default=True, help="Processes.")
 @click.option("--json", "as_json", is_flag=True, help="Print the index as JSON, and nothing else, on stdout.")
 @click.option("--quiet", is_flag=True, help="No progress.")
@@ -31,6 +32,7 @@ def scenes(
     seed: int,
     first: int,
     kinds: tuple[str, ...],
+    video: bool,
     workers: int,
     as_json: bool,
     quiet: bool,
@@ -44,7 +46,9 @@ def scenes(
 
     classes = tuple(kind for kind in CLASSES if kind in kinds) if kinds else CLASSES
     with progress(quiet) as report:
-        index = generate(folder, count, seed, workers=workers, classes=classes, first=first, report=report)
+        index = generate(
+            folder, count, seed, workers=workers, classes=classes, first=first, films=video, report=report
+        )
     if as_json:
         print_json(index.model_dump(by_alias=True))
     elif not quiet:

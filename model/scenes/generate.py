@@ -14,6 +14,8 @@ from model.scenes.case import ObjectClass
 from model.scenes.files import SUFFIX, CaseIndex, save_case, write_index
 from model.scenes.world.shapes import CLASSES
 
+FILMS = "films"
+"""Folder of the folders of films."""
 AHEAD = 4
 """Objects that wait for each process."""
 
@@ -27,6 +29,7 @@ def generate(
     classes: tuple[ObjectClass, ...] = CLASSES,
     first: int = 0,
     interactions: int | None = None,
+    films: bool = False,
     report: StageReport = lambda stage, share: None,
 ) -> CaseIndex:
     """Make objects with their cases, and the index of the folder.
@@ -41,6 +44,7 @@ def generate(
         classes: Of objects, which take turns.
         first: Number of the first object.
         interactions: How many per object; None: three or four.
+        films: Also film every case, into a folder of its own below `films`.
         report: Told how far the work is.
 
     Raises:
@@ -52,7 +56,7 @@ def generate(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"cannot write {folder}: {(error.strerror or str(error)).lower()}") from None
-    task = partial(_make, folder, seed, classes, interactions)
+    task = partial(_make, folder, seed, classes, interactions, films)
     report("scenes", 0.0)
     for done, _ in enumerate(_in_processes(task, range(first, first + count), workers), start=1):
         report("scenes", done / (count + 1))
@@ -62,7 +66,12 @@ def generate(
 
 
 def _make(
-    folder: Path, seed: int, classes: tuple[ObjectClass, ...], interactions: int | None, number: int
+    folder: Path,
+    seed: int,
+    classes: tuple[ObjectClass, ...],
+    interactions: int | None,
+    films: bool,
+    number: int,
 ) -> int:
     """One object's cases, as files; how many. A world that diverges is left out, and said."""
     from model.scenes.world.cases import draw_cases
@@ -76,6 +85,11 @@ def _make(
         return 0
     for case in cases:
         save_case(case, folder / f"{case.name}{SUFFIX}")
+        if films:
+            from model.scenes.film import film_case
+
+            with _one_thread():
+                film_case(case, folder / FILMS / case.name, seed=seed)
     return len(cases)
 
 

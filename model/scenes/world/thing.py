@@ -11,6 +11,7 @@ from model.predictor.prior_mean import PriorMeanPredictor
 from model.priors.materials import MATERIALS, UNITS, typical
 from model.scenes.anchors import anchor
 from model.scenes.case import Anchors, ObjectClass, Truth
+from model.scenes.looks import paint, wardrobe
 from model.scenes.priors import believed, peaked
 from model.scenes.world.body import shares
 from model.scenes.world.interactions import Handled
@@ -95,7 +96,8 @@ def draw_thing(name: str, object_class: ObjectClass, rng: np.random.Generator) -
             seed=int(rng.integers(2**31)),
         )
         if np.bincount(topology.part, minlength=shape.body.parts).min() >= FEWEST:
-            return _completed(name, shape, substances, gaussians, priors, topology, rng)
+            colored = paint(gaussians, parts, [one.material for one in substances], wardrobe(name))
+            return _completed(name, shape, substances, colored, priors, topology, rng)
 
 
 def fill(shape: Shape, rng: np.random.Generator) -> tuple[Gaussians, Parts]:

@@ -1,6 +1,13 @@
+import json
+from functools import partial
+
+import av
+import cv2
+import numpy as np
 import pytest
 
 from model.errors import InputError
+from model.scenes import film
 from model.scenes.files import load_folder
 from model.scenes.generate import generate
 
@@ -29,6 +36,22 @@ def test_objects_are_the_same_in_any_folder_of_their_seed(tmp_path):
     index = generate(tmp_path / "second", 1, seed=4, classes=("cloth",), interactions=1, first=1)
     name = index.cases[0].file
     assert (tmp_path / "both" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
+
+
+def test_films_show_the_colours_of_the_cases(tmp_path, monkeypatch):
+    monkeypatch.setattr(film, "film_case", partial(film.film_case, size=(64, 48)))
+    index = generate(tmp_path, 1, seed=4, classes=("cloth",), interactions=1, films=True)
+    (case,) = load_folder(tmp_path)
+    folder = tmp_path / "films" / case.name
+    assert index.cases[0].file == f"{case.name}.case.npz"
+    assert json.loads((folder / "film.json").read_text())["frames"] == len(case.observation.times)
+    with av.open(str(folder / "film.mp4")) as container:
+        picture = next(container.decode(video=0)).to_ndarray(format="rgb24")
+    mask = cv2.imread(str(folder / "object" / "0000.png"), cv2.IMREAD_GRAYSCALE) > 0
+    assert case.gaussians is not None
+    painted = case.gaussians.colors.mean(axis=0)
+    shown = picture[mask].mean(axis=0) / 255
+    assert np.corrcoef(painted, shown)[0, 1] > 0.8
 
 
 def test_a_folder_with_cases_is_left_alone(tmp_path):
