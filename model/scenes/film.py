@@ -28,6 +28,8 @@ from model.views import scaled
 
 SKIN = Finish(specular=0.05, gloss=0.2, wrap=0.2)
 """Of hands and sleeves."""
+HAND_SPACING = (0.0036, 0.006)
+"""Of the discs of a hand [m]."""
 HIDDEN = 0.010
 """A point this much behind what is rendered there [m] is not seen."""
 FINENESS = 0.24
@@ -119,7 +121,11 @@ def set_scene(case: Case, size: tuple[int, int], seed: int) -> Scene:
     camera = draw_camera(happens, size, stage) if case.camera is None else scaled(case.camera, max(size))
     setting = Setting.draw(stage)
     surface = body.gaussians.means, body.normals
-    hands = tuple(hands_of(case.observation.controllers, *surface, camera, stage))
+    hands = tuple(
+        hands_of(
+            case.observation.controllers, *surface, camera, stage, float(np.clip(spacing, *HAND_SPACING))
+        )
+    )
     return Scene(case, camera, setting, looks, body, hands)
 
 

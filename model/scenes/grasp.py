@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from model.rotations import multiply, nearest_rotations
-from model.scenes.hand import hand_coat
+from model.scenes.hand import SLEEVE_SPACING, SPACING, hand_coat
 from model.scenes.splats import Coat
 from model.types import Array, Camera, Gaussians
 
@@ -54,6 +54,7 @@ def hands_of(
     normals: Float[Array, "P 3"],
     camera: Camera,
     rng: np.random.Generator,
+    spacing: float = SPACING,
 ) -> list[Hand]:
     """The hands that hold a body, each from where it hides the least.
 
@@ -63,11 +64,12 @@ def hands_of(
         normals: Outward, unit.
         camera: The view.
         rng: For the look of the hand.
+        spacing: Between its Gaussians [m].
     """
     if controllers.shape[1] == 0:
         return []
     group = hand_groups(controllers)
-    plain = hand_coat(rng)
+    plain = hand_coat(rng, spacing, max(SLEEVE_SPACING, 1.5 * spacing))
     tone = float(SKINS[int(rng.integers(len(SKINS)))])
     colors = np.clip(plain.gaussians.colors * tone, 0, 1).astype(np.float32)
     toned = Coat(replace(plain.gaussians, colors=colors), plain.normals)
@@ -82,7 +84,7 @@ def hands_of(
         coat = toned if right else _mirrored(toned)
         turn = _approach(coat, pivot, surface, others, camera)
         laid = _laid(coat, turn, pivot)
-        others.append(laid.gaussians.means[::7].astype(np.float64))
+        others.append(laid.gaussians.means[:: max(1, len(coat.gaussians) // 2300)].astype(np.float64))
         placed.append(Hand(laid, turns, shifts, middle))
     return placed
 
@@ -125,7 +127,7 @@ def _approach(
     camera: Camera,
 ) -> Float64[Array, "3 3"]:
     """The turn of the hand that puts the least of it inside the body, in its view, or into another hand."""
-    hand = coat.gaussians.means[::11].astype(np.float64)
+    hand = coat.gaussians.means[:: max(1, len(coat.gaussians) // 1500)].astype(np.float64)
     hand = hand[np.linalg.norm(hand, axis=1) < 0.45]
     arm = hand[np.linalg.norm(hand, axis=1) > 0.035]
     tree = cKDTree(surface[::3])

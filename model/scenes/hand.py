@@ -51,21 +51,29 @@ SLEEVE_TUBE = chain(
 PARTS = (INDEX, MIDDLE, RING, LITTLE, THUMB, PALM, FOREARM)
 
 
-def hand_coat(rng: np.random.Generator) -> Coat:
-    """Its Gaussians, where the pinched point is the origin and the arm leaves backwards (+y) and up."""
+def hand_coat(
+    rng: np.random.Generator, spacing: float = SPACING, sleeve_spacing: float = SLEEVE_SPACING
+) -> Coat:
+    """Its Gaussians, where the pinched point is the origin and the arm leaves backwards (+y) and up.
+
+    Args:
+        rng: For the texture of skin and sleeve.
+        spacing: Between the Gaussians on the skin [m].
+        sleeve_spacing: Between those on the sleeve [m].
+    """
     body = union(*PARTS)
-    surface = body.surface(SPACING)
+    surface = body.surface(spacing)
     owner, along = body.owners(surface)
     tips = np.cumsum([len(part.starts) for part in PARTS[:5]]) - 1
     reddened = np.where(np.isin(owner, tips), along, 0.0)[:, None]
     albedo = SKIN + reddened * (FINGERTIP - SKIN)
     mottled = np.sin(surface[:, 0] * 190) * np.sin(surface[:, 1] * 170) * np.sin(surface[:, 2] * 180)
     albedo *= (1 + 0.04 * mottled + rng.normal(0, 0.015, len(surface)))[:, None]
-    skin = coat(body, np.clip(albedo, 0, 1), surface, SPACING, rng)
-    return joined(skin, _sleeve(rng))
+    skin = coat(body, np.clip(albedo, 0, 1), surface, spacing, rng)
+    return joined(skin, _sleeve(rng, sleeve_spacing))
 
 
-def _sleeve(rng: np.random.Generator) -> Coat:
-    surface = SLEEVE_TUBE.surface(SLEEVE_SPACING)
+def _sleeve(rng: np.random.Generator, spacing: float) -> Coat:
+    surface = SLEEVE_TUBE.surface(spacing)
     folds = 1 + 0.12 * np.sin(surface[:, 1] * 70 + 3 * np.sin(surface[:, 0] * 40))
-    return coat(SLEEVE_TUBE, folds[:, None] * SLEEVE, surface, SLEEVE_SPACING, rng)
+    return coat(SLEEVE_TUBE, folds[:, None] * SLEEVE, surface, spacing, rng)

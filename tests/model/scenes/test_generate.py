@@ -38,6 +38,7 @@ def test_objects_are_the_same_in_any_folder_of_their_seed(tmp_path):
     assert (tmp_path / "both" / name).read_bytes() == (tmp_path / "second" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_films_show_the_colours_of_the_cases(tmp_path, monkeypatch):
     monkeypatch.setattr(film, "film_case", partial(film.film_case, size=(64, 48)))
     index = generate(tmp_path, 1, seed=4, classes=("cloth",), interactions=1, films=True)
