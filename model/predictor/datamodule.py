@@ -21,6 +21,7 @@ from model.predictor.sample import Sample, make_sample
 from model.progress import progress
 from model.scenes.case import Case
 from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
+from model.scenes.generate import generate
 from model.scenes.priors import Opinion, with_priors
 
 TYPICAL = 256
@@ -75,18 +76,10 @@ class CaseDataset(Dataset[Example]):
         """A case with the priors of an opinion."""
         case = self._cases[look.index]
         if look.opinion is not None and case.truth is not None:
-            case = self._told(case, look.opinion, np.random.default_rng(look.seed))
+            rng = np.random.default_rng(look.seed)
+            case = with_priors(case, look.opinion, rng, self._opinions.wrong_probability)
         example = example_of(case, self._motion[look.index], self._shape(look.index))
         return replace(example, opinion=look.opinion if case.truth is not None else None)
-
-    def _told(self, case: Case, opinion: Opinion, rng: np.random.Generator) -> Case:
-        """The case with an opinion on its materials; its densities stay, for it is weighed."""
-        told = with_priors(case, opinion, rng, self._opinions.wrong_probability)
-        priors = tuple(
-            replace(new, properties={**new.properties, "density": old.properties["density"]})
-            for new, old in zip(told.priors, case.priors, strict=False)
-        )
-        return replace(told, priors=priors)
 
     def _shape(self, index: int) -> Geometry:
         if index not in self._geometry:
@@ -150,6 +143,7 @@ class CaseDataModule(LightningDataModule):
         folder: Cases as `matphys scenes` writes them.
         test_folder: Cases for `test`; None: those of the validation.
         encoder: What describes motion; None: the embedded one.
+        objects: How many to generate into `folder` where it has no cases yet; 0: none, cases must be there.
         seed: Of generation, split and opinions.
         validation_share: Of the objects of each class.
         opinions: What training is told of materials.
@@ -163,6 +157,7 @@ class CaseDataModule(LightningDataModule):
         *,
         test_folder: Path | None = None,
         encoder: MotionEncoder | None = None,
+        objects: int = 0,
         seed: int = 0,
         validation_share: float = 0.15,
         opinions: Opinions = Opinions(),
@@ -176,7 +171,7 @@ class CaseDataModule(LightningDataModule):
         self.folder, self.test_folder = folder, test_folder
         self.encoder = encoder or KinematicEncoder()
         self.motion_dim, self.motion_global_dim = self.encoder.dim, self.encoder.global_dim
-        self.seed, self._share = seed, validation_share
+        self._objects, self.seed, self._share = objects, seed, validation_share
         self._opinions, self._batch_size, self._workers = opinions, batch_size, workers
         self._train: CaseDataset | None = None
         self._held: CaseDataset | None = None
@@ -184,6 +179,8 @@ class CaseDataModule(LightningDataModule):
     def prepare_data(self) -> None:
         """Generate and describe what is missing; in one process, before all others."""
         with progress(quiet=False) as report:
+            if self._objects and not (self.folder / INDEX).exists():
+                generate(self.folder, self._objects, self.seed, workers=self._workers, report=report)
             for folder in dict.fromkeys((self.folder, self.test_folder or self.folder)):
                 store_motion(read_index(folder), self.encoder, self._workers, report)
 

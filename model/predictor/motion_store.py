@@ -7,9 +7,11 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import UInt8
 
 from model.encoders.motion import MotionEncoder
 from model.formats.files import replacing
@@ -19,7 +21,11 @@ from model.predictor.motion_features import MotionFeatures
 from model.progress import StageReport
 from model.scenes.case import Case
 from model.scenes.files import load_case
+from model.scenes.film import set_scene, shoot
+from model.types import Array, Camera
 
+FILM = (320, 240)
+"""Width and height of the film of a case, for encoders that look at images [px]."""
 STORE = "motion"
 """Folder beside the cases."""
 
@@ -34,18 +40,22 @@ class _Job:
 def describe_case(case: Case, encoder: MotionEncoder) -> MotionFeatures:
     """Describe the frames of a case that may be learned from; the others are not looked at.
 
+    For an encoder that looks at images the case is filmed (`model.scenes.film`), in a size that suits it.
+
     Raises:
         InputError: the encoder needs what the case does not have.
     """
+    images, camera = _filmed(case) if encoder.needs_images else (None, case.camera)
     return describe_motion(
         case.topology,
         case.shape_class,
         case.rest,
         case.anchors,
         case.observation,
-        case.camera,
+        camera,
         case.split,
         encoder,
+        images,
     )
 
 
@@ -84,6 +94,13 @@ def read_motion(path: Path, encoder: MotionEncoder) -> MotionFeatures:
         np.array(arrays["points"], np.float32).reshape(-1, encoder.dim),
         np.array(arrays["whole"], np.float32).reshape(encoder.global_dim),
     )
+
+
+def _filmed(case: Case) -> tuple[UInt8[Array, "T H W 3"], Camera]:
+    """Frames of the case, those that may be learned from, and the camera that took them."""
+    scene = set_scene(case, FILM, seed=0)
+    shots = islice(shoot(scene, np.random.default_rng(0)), case.split)
+    return np.stack([shot.picture for shot in shots]), scene.camera
 
 
 def _place(path: Path, encoder: MotionEncoder) -> Path:
