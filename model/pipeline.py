@@ -24,9 +24,10 @@ from model.grip_choice import choose_grip
 from model.lifting import lift_features, visible_gaussians
 from model.manifest import describe_parts, write_manifest
 from model.observation import read_observation
+from model.observe.tracks import observe_tracks
 from model.part_views import view_parts
 from model.parts import segment_parts
-from model.predictor import ALL_PREDICTORS, ParameterPredictor
+from model.predictor import ALL_PREDICTORS, ParameterPredictor, PriorMeanPredictor, TrainedPredictor
 from model.preview import preview
 from model.priors import ALL_PRIORS
 from model.priors.base import PriorClient
@@ -48,14 +49,17 @@ from model.tracking.queries import sample_queries
 from model.types import (
     Array,
     Calibration,
+    Controllers,
     Frames,
     Gaussians,
     Masks,
     MaterialPrior,
     Observation,
+    Parameters,
     Parts,
     PartView,
     ShapeClass,
+    Tracks,
 )
 from model.video import read_video
 
@@ -71,8 +75,9 @@ SHARES = {
     "tracking": 4.0,
     "controllers": 1.0,
     "topology": 2.0,
-    "parameters": 0.5,
+    "prior parameters": 0.5,
     "grip": 6.0,
+    "parameters": 6.0,
     "simulation": 10.0,
     "preview": 8.0,
 }
@@ -98,6 +103,8 @@ class TwinOptions:
     controllers: Path | None = None
     shape: str = "auto"
     prior: str = "stub"
+    predictor: str = "prior-mean"
+    """`matphys`: the trained one that comes with the package; a file: another one; `prior-mean`."""
     parts: int = 5
     points: int = 1500
     segmentation: str = "classical"
@@ -266,7 +273,7 @@ def _choose(options: TwinOptions) -> _Methods:
         encoder=by_name(ALL_ENCODERS, options.encoder, "encoder")(),
         prior=by_name(ALL_PRIORS, options.prior, "prior")(),
         tracker=by_name(ALL_TRACKERS, options.tracking, "tracking")(),
-        predictor=by_name(ALL_PREDICTORS, "prior-mean", "predictor")(),
+        predictor=_predictor(options.predictor),
         renderer=by_name(ALL_RENDERERS, options.renderer, "renderer")()
         if options.renderer
         else best_renderer(),
@@ -298,6 +305,13 @@ def _see(video: Path, options: TwinOptions, methods: _Methods, log: StageLog) ->
         "reconstruction", reconstructor, lambda: reconstructor(frames, masks, calibration, shape_class)
     )
     return _Sight(frames, masks, shape_class, calibration, gaussians)
+
+
+def _predictor(wanted: str) -> ParameterPredictor:
+    """The one of that name, or the one in that file."""
+    if wanted.endswith(".safetensors"):
+        return TrainedPredictor(Path(wanted))
+    return by_name(ALL_PREDICTORS, wanted, "predictor")()
 
 
 def _reconstructor(options: TwinOptions) -> Reconstructor:
@@ -387,31 +401,54 @@ def _mechanise(
             seed=options.seed,
         ),
     )
-    parameters = log.run(
-        "parameters",
-        predictor,
-        lambda: predictor(topology, matter.priors, sight.shape_class, calibration, frames, masks, tracks),
+    first = log.run(
+        "prior parameters",
+        PriorMeanPredictor(),
+        lambda: PriorMeanPredictor().from_priors(
+            topology, matter.priors, sight.shape_class, calibration.gravity, calibration.ground_height
+        ),
     )
     bundle = TwinBundle(
         manifest=write_manifest(frames, masks.keyframe, calibration, _fingerprint(options)),
         gaussians=sight.gaussians,
         topology=topology,
-        parameters=parameters,
-        parts=describe_parts(matter.views, matter.priors, matter.parts, topology, parameters),
+        parameters=first,
+        parts=(),
     )
-    if not len(topology.controller_springs):
-        return bundle
-    paths = {"given": controllers} if options.controllers else grip_paths(controllers, calibration)
+    if len(topology.controller_springs):
+        paths = {"given": controllers} if options.controllers else grip_paths(controllers, calibration)
+        bundle = _gripped(bundle, paths, sight, methods, log)
+    parameters = log.run("parameters", predictor, lambda: _predict(bundle, sight, matter, tracks, predictor))
+    described = describe_parts(matter.views, matter.priors, matter.parts, topology, parameters)
+    return replace(bundle, parameters=parameters, parts=described)
+
+
+def _gripped(
+    bundle: TwinBundle, paths: Mapping[str, Controllers], sight: _Sight, methods: _Methods, log: StageLog
+) -> TwinBundle:
+    """The twin with the path of the hand that the clip speaks for."""
+    frames, masks = sight.frames, sight.masks
     times = frames.times[masks.keyframe :]
     even = {name: evenly_timed(path.motion, times, frames.fps) for name, path in paths.items()}
     chosen = log.run(
         "grip",
         Step("replay", "1"),
-        lambda: choose_grip(bundle, even, frames, masks, calibration.camera, methods.renderer),
+        lambda: choose_grip(bundle, even, frames, masks, sight.calibration.camera, methods.renderer),
     )
     return replace(
         bundle, controls=chosen.controls, manifest=_with_metrics(bundle, {"grip_path": chosen.name})
     )
+
+
+def _predict(
+    bundle: TwinBundle, sight: _Sight, matter: _Matter, tracks: Tracks, predictor: ParameterPredictor
+) -> Parameters:
+    """The mechanics, from the clip as a case."""
+    masks, key = sight.masks, sight.masks.keyframe
+    times = sight.frames.times[key:] - sight.frames.times[key]
+    camera = sight.calibration.camera
+    case = observe_tracks(bundle, matter.priors, sight.shape_class, camera, tracks, masks, times)
+    return predictor(case, sight.frames.images[key:])
 
 
 def _with_metrics(bundle: TwinBundle, metrics: dict[str, JsonValue]) -> BundleManifest:

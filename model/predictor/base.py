@@ -1,9 +1,11 @@
-"""Topology and priors → parameters: the seam the trained predictor will fill."""
+"""A case → parameters: the seam every predictor fills."""
 
-from collections.abc import Sequence
 from typing import ClassVar, Protocol, runtime_checkable
 
-from model.types import Calibration, Frames, Masks, MaterialPrior, Parameters, ShapeClass, Topology, Tracks
+from jaxtyping import UInt8
+
+from model.scenes.case import Case
+from model.types import Array, Parameters
 
 
 @runtime_checkable
@@ -14,25 +16,12 @@ class ParameterPredictor(Protocol):
     version: ClassVar[str]
     weights: str | None
 
-    def __call__(
-        self,
-        topology: Topology,
-        priors: Sequence[MaterialPrior],
-        shape_class: ShapeClass,
-        calibration: Calibration,
-        frames: Frames,
-        masks: Masks,
-        tracks: Tracks,
-    ) -> Parameters:
+    def __call__(self, case: Case, images: UInt8[Array, "T H W 3"] | None = None) -> Parameters:
         """Predict.
 
         Args:
-            topology: What to parametrise.
-            priors: One per part, in the order of the labels.
-            shape_class: Sheet, rope or solid: how springs share the modulus.
-            calibration: Gravity and ground.
-            frames: The clip, for methods that look at motion.
-            masks: Object and hand.
-            tracks: 2D tracks of the object.
+            case: What to parametrise, what its parts are believed to be made of, and how it was seen to move
+                until `case.split`; nothing later and no truth is looked at.
+            images: RGB frames of `case.camera`, one per time, for predictors that look at them.
         """
         ...

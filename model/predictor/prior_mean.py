@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import UInt8
 
 from model.predictor.affordable import DAMPING_LIMIT, MARGIN, SUBSTEPS, affordable
 from model.predictor.base import ParameterPredictor
@@ -15,17 +16,8 @@ from model.predictor.prior_means import (
     pooled,
     volumes,
 )
-from model.types import (
-    Calibration,
-    Frames,
-    Masks,
-    MaterialPrior,
-    Parameter,
-    Parameters,
-    ShapeClass,
-    Topology,
-    Tracks,
-)
+from model.scenes.case import Case
+from model.types import Array, MaterialPrior, Parameter, Parameters, ShapeClass, Topology
 
 __all__ = ["DAMPING_LIMIT", "GRIP", "MARGIN", "POOLED", "SUBSTEPS", "PriorMeanPredictor"]
 
@@ -51,18 +43,12 @@ class PriorMeanPredictor(ParameterPredictor):
     version = "1"
     weights: str | None = None
 
-    def __call__(
-        self,
-        topology: Topology,
-        priors: Sequence[MaterialPrior],
-        shape_class: ShapeClass,
-        calibration: Calibration,
-        frames: Frames,
-        masks: Masks,
-        tracks: Tracks,
-    ) -> Parameters:
-        """Parametrise the topology; frames, masks and tracks are not looked at."""
-        return self.from_priors(topology, priors, shape_class, calibration.gravity, calibration.ground_height)
+    def __call__(self, case: Case, images: UInt8[Array, "T H W 3"] | None = None) -> Parameters:
+        """Parametrise the topology; how it moved is not looked at."""
+        seen = case.observation
+        return self.from_priors(
+            case.topology, case.priors, case.shape_class, seen.gravity, seen.ground_height
+        )
 
     def from_priors(
         self,

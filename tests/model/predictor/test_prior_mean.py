@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from model.predictor import ALL_PREDICTORS, PriorMeanPredictor
 from model.registry import by_name
-from model.types import Calibration, Camera, Estimate, Frames, Masks, MaterialPrior, Topology, Tracks
+from model.types import Estimate, MaterialPrior, Topology
 
 DENSITY = 150.0
 
@@ -43,12 +43,7 @@ def network(points, reach, volume, part=None, grips=0):
 
 
 def predict(topology, priors, shape="solid", ground=0.1):
-    eye = np.eye(3)
-    calibration = Calibration(Camera(eye, np.eye(4), 4, 4), (0.0, 0.0, -9.81), ground, "", "", "")
-    frames = Frames(np.zeros((2, 4, 4, 3), np.uint8), np.arange(2) / 30.0, "made", "")
-    empty = np.zeros((2, 4, 4), bool)
-    tracks = Tracks(np.zeros((2, 0, 2), np.float32), np.zeros((2, 0), bool))
-    return PriorMeanPredictor()(topology, priors, shape, calibration, frames, Masks(empty, empty, 0), tracks)
+    return PriorMeanPredictor().from_priors(topology, priors, shape, (0.0, 0.0, -9.81), ground)
 
 
 def stretch_force(topology, stiffness, dimensions=3, strain=1e-3):

@@ -1,0 +1,87 @@
+"""Parameters from what was seen, believed and built: the network that was trained."""
+
+from pathlib import Path
+
+import torch
+from jaxtyping import UInt8
+
+from model.encoders import ALL_MOTION_ENCODERS
+from model.encoders.motion import MotionEncoder
+from model.errors import InputError
+from model.predictor.base import ParameterPredictor
+from model.predictor.checkpoint import Trained, load_predictor
+from model.predictor.motion import describe_motion
+from model.predictor.parametrisation import to_parameters
+from model.predictor.sample import Prediction, Sample, make_sample
+from model.registry import by_name
+from model.scenes.case import Case
+from model.types import Array, Parameters
+
+SHIPPED = Path(__file__).with_name("predictor.safetensors")
+"""What comes with the package; its card is beside it."""
+
+
+class TrainedPredictor(ParameterPredictor):
+    """One forward pass of a trained network over motion, materials and geometry.
+
+    Args:
+        path: A predictor that `matphys fit` has made; None: the one that comes with the package.
+        encoder: What describes motion; None: the one it was trained with, made by its name. Encoders with
+            weights of their own have to be given.
+
+    Raises:
+        InputError: there is no such file, or it was trained with another encoder.
+    """
+
+    name = "matphys"
+    version = "1"
+
+    def __init__(self, path: Path | None = None, encoder: MotionEncoder | None = None) -> None:
+        """See the class."""
+        self.trained: Trained = load_predictor(path or SHIPPED)
+        about = self.trained.about
+        self.encoder = encoder or by_name(ALL_MOTION_ENCODERS, about.encoder, "motion encoder")()
+        found = (self.encoder.name, self.encoder.version, self.encoder.weights)
+        expected = (about.encoder, about.encoder_version, about.encoder_weights)
+        if found != expected:
+            raise InputError(
+                f"{path or SHIPPED}: trained with motion encoder {_say(expected)}, but given {_say(found)}"
+            )
+        self.weights: str | None = self.trained.sha256
+
+    def __call__(self, case: Case, images: UInt8[Array, "T H W 3"] | None = None) -> Parameters:
+        """Predict; see `ParameterPredictor`."""
+        return self.believe(case, images)[0]
+
+    def believe(
+        self, case: Case, images: UInt8[Array, "T H W 3"] | None = None
+    ) -> tuple[Parameters, Prediction]:
+        """The parameters, and the means and spreads that they were taken from."""
+        sample = self.sample(case, images)
+        with torch.no_grad():
+            prediction: Prediction = self.trained.network(sample)
+        seen = case.observation
+        return to_parameters(prediction, sample, case.topology, seen.gravity, seen.ground_height), prediction
+
+    def sample(self, case: Case, images: UInt8[Array, "T H W 3"] | None = None) -> Sample:
+        """What the network reads of a case."""
+        seen = case.observation
+        motion = describe_motion(
+            case.topology,
+            case.shape_class,
+            case.rest,
+            case.anchors,
+            seen,
+            case.camera,
+            case.split,
+            self.encoder,
+            images,
+        )
+        return make_sample(
+            case.topology, case.priors, case.shape_class, seen.gravity, seen.ground_height, motion
+        )
+
+
+def _say(encoder: tuple[str, str, str | None]) -> str:
+    name, version, weights = encoder
+    return f"{name} {version}" + (f" ({weights[:12]})" if weights else "")
