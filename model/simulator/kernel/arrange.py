@@ -7,6 +7,8 @@ from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 ROUNDS = 24
 """Of evening out at which ends springs are computed."""
+STRETCH = 64
+"""Points that may change places, so that those which lie together own equally many springs."""
 
 
 def near(pairs: Int[np.ndarray, "2 e"], count: int) -> Int[np.ndarray, " N"]:
@@ -36,3 +38,15 @@ def owners(pairs: Int[np.ndarray, "2 e"], count: int) -> Int[np.ndarray, " e"]:
         passed = (surplus > 1) & (rng.random(len(ends)) < surplus / (2.0 * owned[mine]))
         owner = np.where(passed, 1 - owner, owner)
     return owner
+
+
+def levelled(order: Int[np.ndarray, " N"], owned: Int[np.ndarray, " N"]) -> Int[np.ndarray, " N"]:
+    """An order of points, sorted within each `STRETCH` by how many springs each point owns.
+
+    Points are computed in slices, and a slice takes as long as the one in it that owns most.
+
+    Reference:
+        Kreutzer et al. (2014), A unified sparse matrix data format for efficient general sparse matrix-vector
+        multiplication on modern processors with wide SIMD units, SIAM J. Sci. Comput. 36 (SELL-C-sigma).
+    """
+    return order[np.lexsort((owned[order], np.arange(len(order)) // STRETCH))]

@@ -21,6 +21,8 @@ FLAGS = (
     "-shared",
 )
 """Not -ffast-math: what is not finite has to stay so, to be found."""
+WISHES = (("-fopenmp", "#include <omp.h>\n"), ("-fsched-pressure", ""))
+"""Flags for compilers that know them, and what has to compile with each; the engine does without them too."""
 SECONDS = 120
 """After which a compiler that does not answer is given up."""
 
@@ -37,7 +39,7 @@ def load(source: str) -> ctypes.CDLL:
         CannotBuild: no compiler, or one that refuses the text.
     """
     compiler = _compiler()
-    flags = (*FLAGS, *_threading(compiler))
+    flags = (*FLAGS, *_wishes(compiler))
     told = "\0".join([source, *flags, _version(compiler), _processor()])
     name = f"{hashlib.sha256(told.encode()).hexdigest()}.so"
     folder = cache_folder()
@@ -103,11 +105,14 @@ def _version(compiler: str) -> str:
 
 
 @lru_cache(maxsize=8)
-def _threading(compiler: str) -> tuple[str, ...]:
-    """OpenMP where the compiler has it; the engine does without where it has not."""
-    ask = [compiler, "-fopenmp", "-x", "c++", "-E", "-"]
-    run = subprocess.run(ask, input="#include <omp.h>\n", capture_output=True, text=True, check=False)
-    return ("-fopenmp",) if run.returncode == 0 else ()
+def _wishes(compiler: str) -> tuple[str, ...]:
+    """Those of `WISHES` that the compiler grants."""
+
+    def granted(flag: str, text: str) -> bool:
+        ask = [compiler, "-Werror", flag, "-x", "c++", "-E", "-"]
+        return not subprocess.run(ask, input=text, capture_output=True, text=True, check=False).returncode
+
+    return tuple(flag for flag, text in WISHES if granted(flag, text))
 
 
 @lru_cache(maxsize=1)

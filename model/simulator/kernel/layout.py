@@ -12,7 +12,7 @@ from torch import Tensor
 
 from model.simulator.edges import Edges
 from model.simulator.forces.stencil import StencilForce
-from model.simulator.kernel.arrange import near, owners
+from model.simulator.kernel.arrange import levelled, near, owners
 
 LANES = 8
 """Points in a slice; numbers in a row."""
@@ -97,13 +97,13 @@ def _laid_out(ends: Ends) -> Layout:
     first, second = (np.frombuffer(nodes, np.int64) for nodes in (ends.first, ends.second))
     count, springs = ends.points, ends.springs
     pairs = np.stack([first[:springs], second[:springs]])
-    order = near(pairs, count)
+    owner, each = owners(pairs, count), np.arange(springs)
+    order = levelled(near(pairs, count), np.bincount(pairs[owner, each], minlength=count))
     row = np.empty(count, np.int64)
     row[order] = np.arange(count)
     slices = -(-count // LANES)
     point = np.zeros(slices * LANES, np.int64)
     point[row] = np.arange(count)
-    owner, each = owners(row[pairs], count), np.arange(springs)
     controller = second[springs:] - count
     return Layout(
         slices,

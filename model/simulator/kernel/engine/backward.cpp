@@ -65,9 +65,11 @@ static void move_back(const Frame &f, int64_t step, const R *rows, const R *pull
   const Held held = {f.held_gradient, W * f.controller_rows, splat(R(double(f.first + step + 1) / double(f.count))),
                      splat(R(1 / f.interval))};
   for (int64_t slice = begin; slice < end; ++slice) {
-    V bar[8];
-    if (SPRINGS) take_sums<ROW>(f, slice, f.adjoint + ROW * W * slice);
-    gather(f.adjoint + ROW * W * slice, NEXT, bar);
+    V row[8], bar[8];
+    if (step) touch(state(f, step - 1) + ROW * W * slice);
+    for (int k = 0; k < W; ++k) row[k] = load(f.adjoint + ROW * (W * slice + k));
+    if (SPRINGS) take_sums<ROW>(f, slice, row);
+    columns(row, bar);
     const int64_t *start = f.controller_start + slice;
     if (CONTROLLERS && start[0] < start[1]) {
       Controllers controllers(f, step);

@@ -1,40 +1,62 @@
 // Laws along edges: every point of a slice and its neighbours in one slot row, from both sides of time.
-struct Edge { V d[3], w[3], length, inverse, rate; };
+struct Between { V d[3], w[3], square; };
+
+INLINE Between between(const V me[8], const V other[8]) {
+  Between b;
+  b.square = splat(0);
+  for (int k = 0; k < 3; ++k) {
+    b.d[k] = other[k] - me[k];
+    b.w[k] = other[3 + k] - me[3 + k];
+    b.square += b.d[k] * b.d[k];
+  }
+  return b;
+}
+
+INLINE V along(const V a[3], const V b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+struct Edge : Between { V length, inverse, rate; };
 
 // An edge without a direction pulls nowhere; a slot that only fills its slice up is one, from a point to itself.
 // It is taken to be at rest, where every law is finite.
-INLINE Edge edge(const V me[8], const V other[8], V rest) {
+INLINE Edge edge(const Between &b, V rest) {
   Edge e;
-  V square = splat(0);
-  for (int k = 0; k < 3; ++k) { e.d[k] = other[k] - me[k]; square += e.d[k] * e.d[k]; }
-  M directed = square > SHORTEST_SQUARED;
+  (Between &)e = b;
+  M directed = b.square > SHORTEST_SQUARED;
 #if SINGLE && defined(__AVX__) && !defined(__clang__)
 #if defined(__AVX512VL__)
-  V guess = __builtin_ia32_rsqrt14ps256_mask(square, splat(0), -1);
+  V guess = __builtin_ia32_rsqrt14ps256_mask(b.square, splat(0), -1);
 #else
-  V guess = __builtin_ia32_rsqrtps256(square);
+  V guess = __builtin_ia32_rsqrtps256(b.square);
 #endif
-  guess = guess * (R(1.5) - R(0.5) * square * guess * guess);
+  guess = guess * (R(1.5) - R(0.5) * b.square * guess * guess);
   e.inverse = directed ? guess : splat(0);
-  e.length = directed ? square * guess : rest;
+  e.length = directed ? b.square * guess : rest;
 #else
-  e.length = directed ? root(square) : rest;
+  e.length = directed ? root(b.square) : rest;
   e.inverse = directed ? 1 / e.length : splat(0);
 #endif
-  V along = splat(0);
-  for (int k = 0; k < 3; ++k) {
-    e.w[k] = other[3 + k] - me[3 + k];
-    along += e.w[k] * e.d[k];
-  }
-  e.rate = along * e.inverse;
+  e.rate = along(b.w, b.d) * e.inverse;
   return e;
 }
 
 // Some slot rows of a slice: where the other ends are, and what is known there.
 struct Slots { const int32_t *offset; int64_t begin, end; };
 
-// Three slots are under way at once: one is fetched while the one before it is looked at and the one before that
-// acts. One after the other they would leave the processor waiting: its queues are too short to look so far ahead.
+// Two slots are under way at once: one is looked at while the one before it acts. One after the other they would
+// leave the processor waiting: its queues are too short to look so far ahead.
+template <class See, class Act>
+INLINE void overlap(int64_t begin, int64_t end, See see, Act act) {
+  if (begin == end) return;
+  auto next = see(begin);
+  for (int64_t slot = begin; slot < end - 1; ++slot) {
+    const auto now = next;
+    next = see(slot + 1);
+    act(slot, now);
+  }
+  act(end - 1, next);
+}
+
+// Three at once, where the registers hold as much: one is fetched besides.
 template <class Fetch, class See, class Act>
 INLINE void overlap(int64_t begin, int64_t end, Fetch fetch, See see, Act act) {
   if (begin == end) return;
@@ -65,7 +87,7 @@ INLINE void pull(const Law &law, const Slots &slots, const R *rows, const V me[8
     gather(rows, slots.offset + W * slot, far.at);
     return far;
   };
-  const auto see = [&](int64_t slot, const Far &far) { return edge(me, far.at, law.rest(slot)); };
+  const auto see = [&](int64_t slot, const Far &far) { return edge(between(me, far.at), law.rest(slot)); };
   const auto act = [&](int64_t slot, const Edge &e) {
     V scaled = law.tension(slot, e.length, e.rate) * e.inverse;
     V force[4] = {scaled * e.d[0], scaled * e.d[1], scaled * e.d[2], splat(0)};
@@ -85,28 +107,19 @@ struct Held { R *gradient; int64_t stride; V share, pace; };
 template <bool both, bool weighs, class Law>
 INLINE void pull_back(Law &law, const Slots &slots, const R *rows, const R *pulls, const V me[8], const V mine[4],
                       V flow[8], R *sums, const Held *held) {
-  struct Far { V at[8], pulled[4]; };
-  const auto fetch = [&](int64_t slot) {
-    Far far;
-    gather(rows, slots.offset + W * slot, far.at);
-    if (both) gather_short(pulls, slots.offset + W * slot, far.pulled);
-    return far;
-  };
-  struct Seen { Edge edge; V pulled[4], tensionbar; };
-  const auto see = [&](int64_t slot, const Far &far) {
+  struct Seen { Between between; V pulled[3]; };
+  const auto see = [&](int64_t slot) {
     Seen seen;
-    seen.edge = edge(me, far.at, law.rest(slot));
-    V along = splat(0);
-    for (int k = 0; k < 3; ++k) {
-      seen.pulled[k] = both ? mine[k] - far.pulled[k] : mine[k];
-      along += seen.pulled[k] * seen.edge.d[k];
-    }
-    seen.tensionbar = along * seen.edge.inverse;
+    V at[8], pulled[4];
+    gather(rows, slots.offset + W * slot, at);
+    seen.between = between(me, at);
+    if (both) gather_short(pulls, slots.offset + W * slot, pulled);
+    for (int k = 0; k < 3; ++k) seen.pulled[k] = both ? mine[k] - pulled[k] : mine[k];
     return seen;
   };
   const auto act = [&](int64_t slot, const Seen &seen) {
-    const Edge &e = seen.edge;
-    const V tensionbar = seen.tensionbar, *pulled = seen.pulled;
+    const Edge e = edge(seen.between, law.rest(slot));
+    const V *pulled = seen.pulled, tensionbar = along(pulled, e.d) * e.inverse;
     V lengthbar, ratebar;
     const V tension = law.pull_back(slot, e.length, e.rate, tensionbar, lengthbar, ratebar);
     // f = (T/l) d, l' = w·d/l: what each passes on to d and w, split into parts along d, `pulled` and w.
@@ -130,5 +143,5 @@ INLINE void pull_back(Law &law, const Slots &slots, const R *rows, const R *pull
     for (int k = 0; k < 6; ++k) flow[k] -= bar[k];
     if (both) add(sums, slots.offset + W * slot, bar);
   };
-  overlap(slots.begin, slots.end, fetch, see, act);
+  overlap(slots.begin, slots.end, see, act);
 }

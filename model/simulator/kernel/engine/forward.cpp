@@ -1,11 +1,12 @@
 // A substep of semi-implicit Euler, and a frame of them.
 
 // What the springs of a piece pull with at both of their ends: minus the force.
-static void pull_springs(const Frame &f, int64_t step, const R *rows, int64_t piece) {
+static void pull_springs(const Frame &f, int64_t step, const R *rows, R *to, int64_t piece) {
   const Springs springs(f, step);
   R *sums = sums_of(f, piece, SHORT);
   for (int64_t slice = f.piece_start[piece]; slice < f.piece_start[piece + 1]; ++slice) {
     V me[8], reaction[4] = {splat(0), splat(0), splat(0), splat(0)};
+    claim(to + ROW * W * slice);
     gather(rows + ROW * W * slice, NEXT, me);
     pull<true>(springs, {f.spring_offset, f.spring_start[slice], f.spring_start[slice + 1]}, rows, me, reaction, sums);
     add_short(sums + SHORT * W * slice, NEXT, reaction);
@@ -43,9 +44,9 @@ static void move(const Frame &f, int64_t step, const R *from, R *to, int64_t beg
     V me[8], reaction[4] = {zero, zero, zero, zero}, out[8];
     gather(from + ROW * W * slice, NEXT, me);
     if (SPRINGS) {
-      R pulled[SHORT * W] = {};
+      V pulled[SHORT] = {zero, zero, zero, zero};
       take_sums<SHORT>(f, slice, pulled);
-      gather_short(pulled, NEXT, reaction);
+      columns_short(pulled, reaction);
     }
     const int64_t *held = f.controller_start + slice;
     if (CONTROLLERS)
@@ -82,7 +83,7 @@ static void advance(const Frame &f, Team &team, int thread, Meeting &meeting) {
     R *to = state(f, (step + 1) % f.ring);
     if (STENCILS)
       team.share_many(phase++, thread, all_groups(f), [&](int64_t first, int64_t last) { bend(f, from, first, last); });
-    if (SPRINGS) team.share(phase++, thread, f.pieces, [&](int64_t piece) { pull_springs(f, step, from, piece); });
+    if (SPRINGS) team.share(phase++, thread, f.pieces, [&](int64_t piece) { pull_springs(f, step, from, to, piece); });
     if (!f.meeting) {
       team.share(phase++, thread, f.pieces,
                  [&](int64_t piece) { move<true>(f, step, from, to, slices(piece), slices(piece + 1)); });

@@ -15,15 +15,27 @@ INLINE void turn(const V in[4], V out[4]) {
   out[0] = EVEN(l0, l1); out[1] = ODD(l0, l1); out[2] = EVEN(h0, h1); out[3] = ODD(h0, h1);
 }
 
-INLINE void gather(const R *rows, const int32_t *at, V out[8]) {
-  V row[8], low[4], high[4];
-  for (int i = 0; i < W; ++i) row[i] = load(rows + at[i]);
+// Columns of eight rows.
+INLINE void columns(const V row[8], V out[8]) {
+  V low[4], high[4];
   turn(row, low);
   turn(row + 4, high);
   for (int k = 0; k < 4; ++k) {
     out[k] = FRONT(low[k], high[k]);
     out[4 + k] = BACK(low[k], high[k]);
   }
+}
+
+// The same of eight short rows, of which each vector holds two that follow each other.
+INLINE void columns_short(const V two[4], V out[4]) {
+  const V both[4] = {FRONT(two[0], two[2]), BACK(two[0], two[2]), FRONT(two[1], two[3]), BACK(two[1], two[3])};
+  turn(both, out);
+}
+
+INLINE void gather(const R *rows, const int32_t *at, V out[8]) {
+  V row[8];
+  for (int i = 0; i < W; ++i) row[i] = load(rows + at[i]);
+  columns(row, out);
 }
 
 INLINE void gather_short(const R *rows, const int32_t *at, V out[4]) {

@@ -8,7 +8,7 @@ import torch
 
 from model.simulator.edges import Edges
 from model.simulator.kernel import layout as layout_module
-from model.simulator.kernel.arrange import owners
+from model.simulator.kernel.arrange import STRETCH, levelled, owners
 from model.simulator.kernel.layout import LANES, cut, lay_out
 
 
@@ -46,6 +46,22 @@ def test_neighbours_have_about_equally_many_slots(rng):
     owned = np.bincount(pairs[owners(pairs, 40), np.arange(pairs.shape[1])], minlength=40)
     assert owned.sum() == pairs.shape[1]
     assert owned.max() - owned.min() <= 3
+
+
+def test_points_move_only_within_their_stretch_to_lie_beside_such_as_own_equally_many(rng):
+    order, owned = rng.permutation(3 * STRETCH - 5), rng.integers(0, 20, 3 * STRETCH - 5)
+    found = levelled(order, owned)
+    for begin in range(0, len(order), STRETCH):
+        stretch = slice(begin, begin + STRETCH)
+        assert set(found[stretch]) == set(order[stretch])
+        assert (np.diff(owned[found[stretch]]) >= 0).all()
+
+
+def test_few_slots_only_fill_up(rng):
+    joined = torch.from_numpy(rng.integers(0, 400, (4000, 2)))
+    joined = joined[joined[:, 0] != joined[:, 1]]
+    slots = lay_out(Edges(joined, torch.zeros(0, 2).long(), 400, 0)).springs
+    assert len(joined) / len(slots.offset) > 0.95
 
 
 def test_slots_that_only_fill_up_lead_from_a_point_to_itself(edges):
