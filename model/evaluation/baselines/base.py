@@ -59,7 +59,7 @@ class Method(ABC):
     name: ClassVar[str]
     """In tables and on the command line."""
     version: ClassVar[str] = "1"
-    """Counted up when its results change: kept results of another version are not used."""
+    """Counted up when its results change."""
 
     @abstractmethod
     def fit(self, case: Case) -> Fitted:
@@ -67,6 +67,14 @@ class Method(ABC):
 
         The same case gives the same result: what is drawn by lot comes from a fixed seed.
         """
+
+    def identity(self) -> str:
+        """What its results depend on beside the case: kept results of another identity are not used."""
+        return f"{type(self).__name__} {self.version}"
+
+    def trained_on(self) -> str | None:
+        """sha256 of the index of the cases that it was trained on beforehand; None: on none."""
+        return None
 
 
 @dataclass(frozen=True)

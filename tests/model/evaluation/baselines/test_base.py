@@ -15,7 +15,7 @@ def case(make_case):
 
 @pytest.fixture
 def parameters(case):
-    return PriorMeanPredictor().from_priors(case.topology, case.priors, "solid", (0, 0, -9.81), 0.0)
+    return PriorMeanPredictor().from_priors(case.topology, case.priors, "solid", (0.0, 0.0, -9.81), 0.0)
 
 
 def held_elsewhere(case):
@@ -46,7 +46,11 @@ def test_another_grip_is_as_firm_over_the_springs_it_holds(case, parameters):
 
 
 def test_a_free_object_is_then_held_as_firmly_as_it_is_stiff(case, parameters):
-    free = replace(case.topology, controller_springs=np.zeros((0, 2), np.int32))
+    free = replace(
+        case.topology,
+        controller_springs=np.zeros((0, 2), np.int32),
+        controller_rest_length=np.zeros(0, np.float32),
+    )
     loose = replace(parameters, controller_stiffness=np.zeros(0, np.float32))
     there = carried(loose, free, case.topology)
     assert len(there.controller_stiffness) == len(case.topology.controller_springs)

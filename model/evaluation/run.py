@@ -1,0 +1,194 @@
+"""Every method on every case: in several processes, resumable, one line of JSON each."""
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from model.errors import InputError
+from model.evaluation.baselines.base import Method
+from model.evaluation.lpips import Lpips
+from model.evaluation.pictures import Pictures
+from model.evaluation.protocol import Setting, Task, judge
+from model.evaluation.records import Record, line, read_records, write_records
+from model.progress import StageReport
+from model.scenes.case import Case
+from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
+from model.scenes.priors import Opinion, with_priors
+
+RESULTS = "results.jsonl"
+VERSION = 1
+"""Counted up when metrics or settings change: kept results are then measured again."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is measured."""
+
+    data: Path
+    """A folder of cases with its index."""
+    methods: Mapping[str, Method]
+    """By name, in the order of tables."""
+    settings: tuple[Setting, ...]
+    opinion: Opinion | None = None
+    """What the methods are told of materials; None: what the cases say."""
+    fits: int = 1
+    """Interactions of each object that are learned from."""
+    limit: int | None = None
+    """Objects, evenly from all classes; None: all."""
+    pictures: bool = True
+    lpips: Path | None = None
+    """A folder of weights."""
+    seed: int = 0
+    """Of which interactions are learned from, and of the priors."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    key: str
+    name: str
+    method: Method
+    case: Path
+    others: tuple[Path, ...]
+    source: str
+    plan: Plan
+
+
+def evaluate(plan: Plan, out: Path, workers: int = 1, progress: StageReport | None = None) -> list[Record]:
+    """Measure whatever has not been measured yet.
+
+    Args:
+        plan: What.
+        out: Folder of `results.jsonl`; what is there already of the same cases, methods and settings is kept,
+            unless it failed. Made if missing.
+        workers: Processes.
+        progress: Told the share that is done.
+
+    Returns:
+        The records of the plan, in its order.
+
+    Raises:
+        InputError: there are no cases, or fewer than the settings need.
+    """
+    jobs = list(_jobs(plan))
+    kept = {record.key: record for record in read_records(out / RESULTS)}
+    done = {key: record for key, record in kept.items() if not _failed(record)}
+    write_records(out / RESULTS, done.values())
+    missing = [job for job in jobs if job.key not in done]
+    with (out / RESULTS).open("a") as results:
+        for record in _each(missing, workers):
+            done[record.key] = record
+            results.write(line(record))
+            results.flush()
+            if progress is not None:
+                count = len(jobs) - len(missing) + sum(job.key in done for job in missing)
+                progress(f"{count} of {len(jobs)} fits", count / len(jobs))
+    return [done[job.key] for job in jobs]
+
+
+def _failed(record: Record) -> bool:
+    return record.failed is not None or any(each.failed is not None for each in record.unseen)
+
+
+def _jobs(plan: Plan) -> Iterator[_Job]:
+    """By object, then by clip, then by method."""
+    read_index(plan.data)
+    groups: dict[str, list[IndexEntry]] = {}
+    for entry in describe(plan.data).cases:
+        groups.setdefault(entry.object_name, []).append(entry)
+    if not groups:
+        raise InputError(f"{plan.data}: no cases in its index: generate some with `matphys scenes`")
+    source = hashlib.sha256((plan.data / INDEX).read_bytes()).hexdigest()
+    transfers = "unseen_interaction" in plan.settings
+    if transfers and all(len(entries) < 2 for entries in groups.values()):
+        raise InputError(
+            f"{plan.data}: one interaction per object: unseen interactions need two, leave that setting out"
+        )
+    for name in _chosen(groups, plan.limit):
+        entries = groups[name]
+        order = np.random.default_rng([plan.seed, _number(name)]).permutation(len(entries))
+        for k in sorted(order[: plan.fits]):
+            others = [entry for j, entry in enumerate(entries) if j != k] if transfers else []
+            for method_name, method in plan.methods.items():
+                yield _Job(
+                    key=_key(plan, method_name, entries[k], others),
+                    name=method_name,
+                    method=method,
+                    case=plan.data / entries[k].file,
+                    others=tuple(plan.data / entry.file for entry in others),
+                    source=source,
+                    plan=plan,
+                )
+
+
+def _chosen(groups: dict[str, list[IndexEntry]], limit: int | None) -> list[str]:
+    """Names of objects: one of each class after the other, so that a limit leaves every class in."""
+    queues: dict[str, list[str]] = {}
+    for name in sorted(groups):
+        queues.setdefault(groups[name][0].object_class, []).append(name)
+    rounds = max(len(queue) for queue in queues.values())
+    mixed = [queue[k] for k in range(rounds) for _, queue in sorted(queues.items()) if k < len(queue)]
+    return mixed[:limit]
+
+
+def _key(plan: Plan, name: str, entry: IndexEntry, others: Sequence[IndexEntry]) -> str:
+    told = "given" if plan.opinion is None else f"{plan.opinion} {plan.seed}"
+    pictures = f"{plan.pictures} {plan.lpips}"
+    who = [name, plan.methods[name].identity()]
+    content = [VERSION, *who, told, pictures, entry.sha256, *(other.sha256 for other in others)]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:24]
+
+
+def _number(name: str) -> int:
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
+
+
+def _each(jobs: Sequence[_Job], workers: int) -> Iterator[Record]:
+    if workers == 1:
+        yield from map(_measure, jobs)
+        return
+    # Forked children would inherit torch's threads in a state of their own.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+        waiting = [pool.submit(_measure, job) for job in jobs]
+        try:
+            for future in as_completed(waiting):
+                yield future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _one_thread() -> None:
+    """Before torch is imported: the processes share the cores."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+
+def _measure(job: _Job) -> Record:
+    own = load_case(job.case)
+    task = Task(
+        key=job.key,
+        name=job.name,
+        method=job.method,
+        case=_told(own, job.plan),
+        own=own,
+        others=[load_case(path) for path in job.others],
+        opinion="given" if job.plan.opinion is None else job.plan.opinion,
+        source=job.source,
+    )
+    pictures = None
+    if job.plan.pictures:
+        pictures = Pictures(None if job.plan.lpips is None else Lpips(job.plan.lpips))
+    return judge(task, pictures)
+
+
+def _told(case: Case, plan: Plan) -> Case:
+    """The case with the priors that methods are told; the same for every method."""
+    if plan.opinion is None:
+        return case
+    return with_priors(case, plan.opinion, np.random.default_rng([plan.seed, _number(case.name)]))

@@ -1,0 +1,52 @@
+import numpy as np
+import pytest
+
+from model.evaluation.figures import calibration, errors, figures, over_time, stiffness
+from model.evaluation.protocol import SETTINGS
+from model.evaluation.records import PartRecord
+
+
+@pytest.fixture
+def of(make_record):
+    rng = np.random.default_rng(0)
+    rows = []
+    for k in range(200):
+        truth = float(rng.normal(9, 1))
+        part = PartRecord(
+            part=0,
+            material="fur",
+            log_truth=truth,
+            log_estimate=truth + float(rng.normal(0, 0.5)),
+            log_spread=0.5,
+        )
+        rows.append(make_record("ours", f"o{k}", parts=[part]))
+    return {"ours": rows, "theirs": [make_record("theirs", f"o{k}", track=0.02) for k in range(5)]}
+
+
+def test_figures_are_drawn_of_what_is_known(of):
+    assert set(figures(of, SETTINGS)) == {"errors.png", "time.png", "stiffness.png", "calibration.png"}
+    assert set(figures({"theirs": of["theirs"]}, SETTINGS)) == {"errors.png", "time.png"}
+
+
+def test_errors_show_the_means_in_millimetres(of):
+    panels = errors(of, ("reconstruction", "future")).axes
+    means = [container.lines[0].get_xdata()[0] for panel in panels for container in panel.containers]
+    assert means == pytest.approx([10.0, 20.0, 20.0, 40.0])
+
+
+def test_curves_end_where_the_records_end(of):
+    lines = {line.get_label(): line.get_ydata() for line in over_time(of).axes[0].lines}
+    assert lines["ours"][-1] == pytest.approx(20.0)
+    assert lines["theirs"][0] == 0.0
+
+
+def test_a_spread_that_is_right_lies_on_the_diagonal(of):
+    lines = {line.get_label(): line for line in calibration({"ours": of["ours"]}).axes[0].lines}
+    np.testing.assert_allclose(lines["ours"].get_ydata(), lines["ours"].get_xdata(), atol=0.08)
+
+
+def test_moduli_are_drawn_as_powers_of_ten(of):
+    (panel,) = stiffness({"ours": of["ours"]}).axes
+    points = panel.collections[0].get_offsets()
+    assert points.shape == (200, 2)
+    assert points[:, 0].mean() == pytest.approx(9.0 / np.log(10.0), abs=0.1)

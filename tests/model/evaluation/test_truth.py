@@ -1,0 +1,59 @@
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+from model.evaluation.records import PartRecord
+from model.evaluation.truth import truth_scores
+
+
+@pytest.fixture
+def records(make_record):
+    def make(truths, estimates, spreads=None):
+        spreads = spreads if spreads is not None else [None] * len(truths)
+        rows = zip(truths, estimates, spreads, strict=True)
+        return [
+            make_record(
+                object_name=f"o{k}",
+                parts=[PartRecord(part=0, material="fabric", log_truth=t, log_estimate=e, log_spread=s)],
+            )
+            for k, (t, e, s) in enumerate(rows)
+        ]
+
+    return make
+
+
+def test_rank_correlation_is_spearmans_ties_included(records):
+    rng = np.random.default_rng(0)
+    truth = rng.integers(0, 6, 40).astype(float)
+    estimate = truth + rng.integers(0, 4, 40)
+    found = truth_scores(records(truth.tolist(), estimate.tolist()))
+    assert found.rank.value == pytest.approx(spearmanr(truth, estimate).statistic)
+    assert found.rank.low < found.rank.value < found.rank.high
+    assert found.parts == 40
+
+
+def test_one_answer_for_everything_has_no_correlation(records):
+    assert truth_scores(records([1.0, 2.0, 3.0, 4.0], [5.0] * 4)).rank.value == 0.0
+
+
+def test_error_and_bias(records):
+    found = truth_scores(records([0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 3.0, -1.0]))
+    assert found.error.value == pytest.approx(np.sqrt(3.0))
+    assert found.bias.value == pytest.approx(1.0)
+    assert found.coverage is None
+
+
+def test_coverage_of_a_spread_that_is_right_too_small_or_too_large(records):
+    rng = np.random.default_rng(1)
+    truth = rng.normal(0, 3, 2000)
+    estimate = truth + rng.normal(0, 0.5, 2000)
+    for stated, expected in ((0.5, 0.9), (0.25, 0.589), (5.0, 1.0)):
+        some = records(truth[:400].tolist(), estimate[:400].tolist(), [stated] * 400)
+        assert truth_scores(some).coverage.value == pytest.approx(expected, abs=0.04)
+
+
+def test_without_truth_nothing_is_known(records):
+    found = truth_scores(records([None, None], [1.0, 2.0]))
+    assert found.rank is None
+    assert found.error is None
+    assert found.parts == 0
