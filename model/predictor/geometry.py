@@ -53,7 +53,7 @@ class _Surroundings:
     axis: Float64[Array, "P 3"]
     """In which the body runs."""
     degree: Float64[Array, " P"]
-    """Springs."""
+    """Springs, over the mean of the part."""
     held: Float64[Array, " P"]
     """Distance to the nearest held point over the size of the object."""
 
@@ -95,12 +95,13 @@ def _surroundings(topology: Topology, size: float) -> _Surroundings:
     held = np.unique(topology.controller_springs[:, 1])
     distance = cKDTree(points[held]).query(points)[0] if len(held) else np.full(len(points), np.inf)
     spacing = local_spacing(points)
+    degree = np.bincount(topology.springs.ravel(), minlength=len(points)).astype(np.float64)
     return _Surroundings(
         spacing=spacing / np.median(spacing),
         offset=np.linalg.norm(points - near.mean(axis=1), axis=1) / radius,
         variance=variance / np.maximum(variance.sum(axis=1, keepdims=True), 1e-24),
         axis=axes[:, :, -1],
-        degree=np.bincount(topology.springs.ravel(), minlength=len(points)).astype(np.float64),
+        degree=degree / _part_mean(topology.part, degree)[topology.part],
         held=np.minimum(distance / size, _FAR),
     )
 
@@ -108,14 +109,24 @@ def _surroundings(topology: Topology, size: float) -> _Surroundings:
 def _edges(
     topology: Topology, around: _Surroundings, shares: Float64[Array, "E 2"], size: float
 ) -> Float32[Array, "E Fe"]:
-    """Symmetric in the two ends: each column is of the spring, or the mean or the difference of its ends."""
+    """Symmetric in the two ends: each column is of the spring, or the mean or the difference of its ends.
+
+    How many springs a part has, and how long, was chosen by what its material was thought to be when the
+    topology was built. That is no news, and must not be read as such where the belief has changed since: so
+    springs are compared with those of their own part.
+    """
     points, ends = topology.points.astype(np.float64), topology.springs
     length = topology.rest_length.astype(np.float64)
     offset = points[ends[:, 1]] - points[ends[:, 0]]
     direction = offset / np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), 1e-12)
-    unit = shares.sum(axis=1)
-    unit = np.log(np.maximum(unit / np.median(unit), np.exp(-_FAR)))
-    mass = np.log(topology.mass.astype(np.float64) / np.median(topology.mass))
+    mass = np.log(topology.mass.astype(np.float64))
+    unit = np.log(np.maximum(shares.sum(axis=1), 1e-300))
+    both = topology.part[ends]
+
+    def against(values: Float64[Array, " E"]) -> Float64[Array, " E"]:
+        usual = _part_mean(both.ravel(), np.repeat(values, 2))
+        return np.asarray(np.clip(values - usual[both].mean(axis=1), -_FAR, _FAR), np.float64)
+
     height = points[:, 2] - points[:, 2].min()
 
     def mean(values: Float64[Array, " P"]) -> Float64[Array, " E"]:
@@ -126,12 +137,12 @@ def _edges(
 
     along = np.stack([np.einsum("ei,ei->e", direction, around.axis[ends[:, side]]) for side in (0, 1)], 1)
     columns = [
-        np.log(length / np.median(length)),
+        against(np.log(length)),
         np.abs(direction[:, 2]),
         (along**2).mean(axis=1),
         mean(height) / size,
-        mean(around.degree) / 20.0,
-        apart(around.degree) / 20.0,
+        mean(around.degree),
+        apart(around.degree),
         mean(np.log(around.spacing)),
         apart(np.log(around.spacing)),
         mean(around.offset),
@@ -139,9 +150,9 @@ def _edges(
         mean(around.variance[:, 0]),
         mean(around.variance[:, 2]),
         mean(around.held),
-        mean(mass),
+        mean(mass - _part_mean(topology.part, mass)[topology.part]),
         (topology.part[ends[:, 0]] != topology.part[ends[:, 1]]).astype(np.float64),
-        unit,
+        against(unit),
     ]
     return np.stack(columns, axis=1).astype(np.float32)
 
@@ -152,7 +163,7 @@ def _parts(
     rows = np.zeros((parts, PART_FEATURES), np.float32)
     held = np.isin(np.arange(len(topology.points)), topology.controller_springs[:, 1])
     ends = topology.part[topology.springs]
-    spacing = float(np.median(topology.rest_length))
+    spacing = float(np.median(local_spacing(topology.points.astype(np.float64))))
     for part in range(parts):
         own = topology.part == part
         if not own.any():  # a label nobody has: a part without mass, known by its zeros
@@ -181,12 +192,18 @@ def _elongation(points: Float64[Array, "n 3"]) -> tuple[float, float]:
     return float(np.sqrt(variance[1] / variance[2])), float(np.sqrt(variance[0] / variance[2]))
 
 
+def _part_mean(part: Int[Array, " n"], values: Float64[Array, " n"]) -> Float64[Array, " K"]:
+    """Mean per label; 1 for a label of nobody."""
+    count = np.bincount(part)
+    return np.where(count > 0, np.bincount(part, values) / np.maximum(count, 1), 1.0)
+
+
 def _scene(
     topology: Topology, shape_class: ShapeClass, size: float, ground_height: float | None
 ) -> Float32[Array, " Fs"]:
     points, mass = topology.points.astype(np.float64), topology.mass.astype(np.float64)
     lowest, controllers = float(points[:, 2].min()), len(topology.controller_points)
-    spacing = float(np.median(topology.rest_length))
+    spacing = float(np.median(local_spacing(points)))
     values = (
         np.log(size / 0.3),
         np.log(spacing / size) + 2.5,

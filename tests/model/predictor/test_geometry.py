@@ -12,7 +12,7 @@ from model.predictor.geometry import (
 )
 from model.predictor.lattice import lattice_stiffness
 
-LENGTH, STEEP, HEIGHT, DEPTH, TO_GRIP, BORDER = 0, 1, 3, 8, 12, 14
+LENGTH, STEEP, HEIGHT, DEGREE, DEPTH, TO_GRIP, BORDER, UNIT = 0, 1, 3, 4, 8, 12, 14, 15
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +42,10 @@ def test_columns_mean_what_they_say(topology, geometry):
     offset = topology.points[topology.springs[:, 1]] - topology.points[topology.springs[:, 0]]
     upright = np.abs(offset[:, 2]) / np.linalg.norm(offset, axis=1)
     np.testing.assert_allclose(geometry.edges[:, STEEP], upright, atol=1e-5)
-    order = np.argsort(topology.rest_length, kind="stable")
-    assert (np.diff(geometry.edges[order, LENGTH]) >= -1e-6).all()
     ends = topology.part[topology.springs]
+    own = (ends == 0).all(axis=1)
+    order = np.argsort(topology.rest_length[own], kind="stable")
+    assert (np.diff(geometry.edges[own][order, LENGTH]) >= -1e-6).all()
     np.testing.assert_array_equal(geometry.edges[:, BORDER] == 1.0, ends[:, 0] != ends[:, 1])
     middle = topology.points[topology.springs].mean(axis=1)
     assert np.corrcoef(geometry.edges[:, HEIGHT], middle[:, 2])[0, 1] > 0.999
@@ -67,6 +68,21 @@ def test_scale_shows_in_size_alone(topology, geometry):
     np.testing.assert_allclose(found.edges, geometry.edges, atol=1e-4)
     np.testing.assert_allclose(found.parts[:, :-2], geometry.parts[:, :-2], atol=1e-4)
     np.testing.assert_allclose(found.scene[0] - geometry.scene[0], np.log(2), atol=1e-4)
+
+
+def test_how_densely_a_part_was_sprung_does_not_show(topology):
+    """A topology is built for what a material was thought to be: a belief that changed must not return."""
+    rng = np.random.default_rng(0)
+    first = (topology.part[topology.springs] == 1).all(axis=1)
+    kept = ~first | (rng.random(len(first)) < 0.6)  # the second part asks for fewer springs
+    thinner = replace(topology, springs=topology.springs[kept], rest_length=topology.rest_length[kept])
+    before, after = (describe_geometry(each, 2, "solid", 0.0) for each in (topology, thinner))
+    inner = (topology.part[thinner.springs] == 1).all(axis=1)
+    columns = [LENGTH, DEGREE, UNIT]
+    apart = after.edges[inner][:, columns].mean(axis=0) - before.edges[first][:, columns].mean(axis=0)
+    assert np.abs(apart).max() < 0.06
+    np.testing.assert_allclose(after.scene, before.scene, atol=1e-6)
+    np.testing.assert_allclose(after.parts[:, :-1], before.parts[:, :-1], atol=1e-6)
 
 
 def test_shares_are_the_stiffness_of_the_lattice(topology, geometry):

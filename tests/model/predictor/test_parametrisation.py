@@ -72,6 +72,8 @@ def test_stiffer_than_affordable_is_limited_and_said(case, sample):
     assert 1.0 < ratio < np.exp(11.0)
     stated = float(hard.warnings[0].split(" to ")[3].split(" Pa")[0])
     assert stated == pytest.approx(np.exp(9.0) * ratio, rel=0.06)
+    held = float(hard.controller_stiffness[0] / free.controller_stiffness[0])
+    assert held == pytest.approx(ratio * np.exp(-11.0), rel=1e-4)  # both were said to be e³ N/m
     assert hard.globals["dashpot_damping"].value < free.globals["dashpot_damping"].value
     assert np.isfinite(replay(case, hard)).all()
 
