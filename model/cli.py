@@ -16,7 +16,10 @@ import click
 from model.commands.common import InputFile, OutputFile, check_outputs, one_line, one_thread, print_json, warn
 from model.commands.diagnose import diagnose
 from model.commands.edit import edit
+from model.commands.evaluate import evaluate
 from model.commands.export import export
+from model.commands.learn import COMMANDS as LEARNING
+from model.commands.scenes import scenes
 from model.commands.view import view
 from model.doubts import collect_doubts
 from model.errors import InputError
@@ -81,6 +84,11 @@ def matphys(context: click.Context, debug: bool) -> None:
     "--shape", type=click.Choice(["auto", "sheet", "rope", "solid"]), help="What fills the silhouette."
 )
 @click.option("--prior", metavar="NAME", help="Who names the materials: stub, openai.")
+@click.option(
+    "--predictor",
+    metavar="NAME|FILE",
+    help="Who predicts the mechanics: matphys (as it comes), prior-mean, or a file that `matphys fit` made.",
+)
 @click.option("--parts", type=click.IntRange(1, 64), metavar="N", help="How many parts to look for.")
 @click.option("--points", type=click.IntRange(16, 100_000), metavar="N", help="About how many mass points.")
 @click.option("--segmentation", metavar="NAME", help="Method: classical, sam2.")
@@ -249,6 +257,10 @@ matphys.add_command(edit)
 matphys.add_command(export)
 matphys.add_command(gap_benchmark)
 matphys.add_command(view)
+matphys.add_command(scenes)
+matphys.add_command(evaluate)
+for command in LEARNING:
+    matphys.add_command(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
