@@ -21,8 +21,8 @@ from model.scenes.world.sensor import (
     choose,
     interrupted,
     lifted,
+    look,
     measured_in_space,
-    place_cameras,
     seen,
 )
 from model.scenes.world.shapes import CLASSES
@@ -78,7 +78,7 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
         STANDARD_GRAVITY,
     )
     surface = _surface(thing, moved)
-    cameras = place_cameras(surface.places, 1 if sensor == "camera" else RIG, rng)
+    cameras = look(surface, script.hands, 1 if sensor == "camera" else RIG, rng)
     visible = seen(surface, script.hands, cameras)
     chosen = choose(visible, thing.handled.surface, rng)
     points = np.ascontiguousarray(surface.places[:, chosen])
@@ -159,7 +159,7 @@ def _grip(thing: Thing, topology: Topology) -> Grip:
         topology, thing.exact, thing.shape.shape_class, STANDARD_GRAVITY, 0.0
     )
     firm = known.controller_stiffness.astype(np.float64)
-    return Grip(topology.controller_springs, firm, topology.points)
+    return Grip(topology.controller_springs, firm, thing.truth.dashpot_damping, topology.points)
 
 
 def _moved(points: Float32[Array, "N 3"] | Float64[Array, "N 3"], script: Script) -> Float32[Array, "N 3"]:

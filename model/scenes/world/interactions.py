@@ -115,7 +115,7 @@ def _double_lift(handled: Handled, times: Float64[Array, " T"], rng: np.random.G
 
 
 def _push(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
-    """A hand presses an object down and sideways and lets it come back, or pushes a cloth or cord along."""
+    """A hand presses an object down and sideways and lets it come back, or drags a cloth or cord."""
     posed = _lying(handled, times, rng)
     sideways = _direction(rng)
     begin, pace = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.5)
@@ -131,12 +131,11 @@ def _push(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generato
         way = np.outer(press, [0.0, 0.0, -depth]) + np.outer(0.7 * depth * press + slide, sideways)
     else:
         place = posed.grips[rng.integers(len(posed.grips))]
-        inward = posed.surface.mean(axis=0) - place
-        inward = inward * (1.0, 1.0, 0.0) / max(float(np.linalg.norm(inward[:2])), 0.02)
-        along = 0.6 * inward + 0.7 * sideways
-        reach = rng.uniform(0.08, 0.16)
-        stroke = reach * (_ease(times, begin, begin + 0.6) - 0.7 * _ease(times, begin + 0.7, begin + 1.3))
-        way = np.outer(stroke, along) + np.outer(0.15 * stroke, [0.0, 0.0, 1.0])
+        outward = (place - posed.surface.mean(axis=0)) * (1.0, 1.0, 0.0)
+        outward = outward / max(float(np.linalg.norm(outward)), 0.02)
+        reach = rng.uniform(0.06, 0.15)
+        stroke = reach * (_ease(times, begin, begin + 0.6) - 0.5 * _ease(times, begin + 0.7, begin + 1.4))
+        way = np.outer(stroke, 0.4 * outward + 0.9 * sideways + np.array([0.0, 0.0, 0.12]))
     return _script(posed, [(place, way, _turn(times, 0.1, rng))], rng)
 
 
@@ -177,18 +176,24 @@ def _fold(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generato
 
 def _drop(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
     """It falls, a little tilted: how it lands must not be a matter of chance."""
-    tilt = Rotation.from_rotvec(rng.uniform(0.0, 0.2 if handled.solid else 0.6) * _direction(rng))
+    tilt = Rotation.from_rotvec(rng.uniform(0.0, 0.12 if handled.solid else 0.6) * _direction(rng))
     rotation = (tilt * Rotation.from_rotvec([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])).as_matrix()
-    posed = _posed(handled, rotation, rng.uniform(0.06, 0.3), times)
+    posed = _posed(handled, rotation, rng.uniform(0.05, 0.25), times)
     return _script(posed, [], rng)
 
 
 def _shake(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
-    """A hand holds it in the air by one end and shakes it."""
-    rotation = Rotation.from_rotvec([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)]).as_matrix()
-    lying = _posed(handled, rotation, 0.0, times)
-    posed = _posed(handled, rotation, lying.size() * rng.uniform(0.8, 1.1) + 0.1, times)
-    place = posed.grips[rng.integers(len(posed.grips))]
+    """A hand holds it in the air by one end, from which it mostly hangs already, and shakes it."""
+    which = int(rng.integers(len(handled.grips)))
+    spin = Rotation.from_rotvec([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])
+    lying = _posed(handled, spin.as_matrix(), 0.0, times)
+    if handled.solid and rng.random() < 0.4:
+        posed = _posed(handled, spin.as_matrix(), lying.size() * rng.uniform(0.6, 0.9) + 0.08, times)
+    else:
+        up = handled.grips[which] - handled.surface.mean(axis=0)
+        swung = Rotation.from_rotvec(rng.normal(0.0, 0.1, 3)) * spin * _upright(up)
+        posed = _posed(handled, swung.as_matrix(), rng.uniform(0.08, 0.25), times)
+    place = posed.grips[which]
     rate, begin = rng.uniform(0.9, 2.2), rng.uniform(0.0, 0.4)
     swing = np.sin(2.0 * np.pi * rate * (times - begin)) * _ease(times, begin, begin + 0.4)
     aim = _direction(rng) + np.array([0.0, 0.0, rng.uniform(-0.8, 0.8)])
@@ -292,6 +297,16 @@ def _turn(times: Float64[Array, " T"], most: float, rng: np.random.Generator) ->
     axis = rng.normal(size=3)
     share = _ease(times, rng.uniform(0.1, 0.4), rng.uniform(1.0, 1.6))
     return np.outer(rng.uniform(-most, most) * share, axis / np.linalg.norm(axis))
+
+
+def _upright(up: Float64[Array, " 3"]) -> Rotation:
+    """The shortest turn that takes a direction to the vertical."""
+    unit = up / max(float(np.linalg.norm(up)), 1e-9)
+    axis = np.cross(unit, [0.0, 0.0, 1.0])
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-6:
+        return Rotation.from_rotvec([0.0 if unit[2] > 0.0 else np.pi, 0.0, 0.0])
+    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, unit[2]))
 
 
 def _direction(rng: np.random.Generator) -> Float64[Array, " 3"]:

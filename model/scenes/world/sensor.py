@@ -31,6 +31,8 @@ FACING = 0.1
 """Least cosine between a surface and the way to the camera at which its texture can be followed."""
 BEHIND = 1.6
 """How far behind the front-most point a point is still seen, in spacings of the surface."""
+VIEWS, ENOUGH = 12, 0.3
+"""How many views are tried, and the share of the surface that a view should show at first."""
 PALM, ARM = 0.033, 0.25
 """Radius of a hand and length of the arm behind it [m]."""
 
@@ -61,6 +63,22 @@ def place_cameras(places: Float[Array, "T M 3"], count: int, rng: np.random.Gene
         offset = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
         cameras.append(look_at(middle + away * offset, middle, float(focal), WIDTH, HEIGHT))
     return tuple(cameras)
+
+
+def look(
+    surface: Surface, hands: Float64[Array, "T H 3"], count: int, rng: np.random.Generator
+) -> tuple[Camera, ...]:
+    """Cameras that see enough of the object in the first frame: of a few drawn, the best if none does."""
+    first = Surface(surface.places[:1], surface.normals[:1], surface.spacing)
+    best, most = tuple[Camera, ...](), -1.0
+    for _ in range(VIEWS):
+        cameras = place_cameras(surface.places, count, rng)
+        share = float(seen(first, hands[:1], cameras).mean())
+        if share > most:
+            best, most = cameras, share
+        if share >= ENOUGH:
+            break
+    return best
 
 
 def seen(surface: Surface, hands: Float64[Array, "T H 3"], cameras: Sequence[Camera]) -> Bool[Array, "T M"]:

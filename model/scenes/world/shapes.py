@@ -38,7 +38,7 @@ def _plush(rng: np.random.Generator) -> Shape:
     trunk = size * rng.uniform(0.11, 0.15)
     length = size * rng.uniform(0.12, 0.2)
     thick = trunk * rng.uniform(0.95, 1.2)
-    limb = size * rng.uniform(0.048, 0.07)
+    limb = size * rng.uniform(0.058, 0.08)
     pieces: list[Capsule | Block] = [Capsule((0.0, -length, thick), (0.0, length, thick), trunk, thick)]
     names = ["body"]
     head = trunk * rng.uniform(0.75, 1.05)
@@ -94,7 +94,7 @@ def _bag(rng: np.random.Generator) -> Shape:
         Block((0.0, 0.0, float(half[2])), (float(half[0]), float(half[1]), float(half[2])), rounding)
     ]
     arch = rng.uniform(0.04, 0.08)
-    thick = rng.uniform(0.011, 0.015)
+    thick = rng.uniform(0.014, 0.018)
     reach = half[0] * rng.uniform(0.45, 0.7)
     nodes = [
         (float(reach * np.cos(angle)), 0.0, float(top - thick * 1.5 + (arch + thick) * np.sin(angle)))
@@ -112,7 +112,7 @@ def _bag(rng: np.random.Generator) -> Shape:
 def _mixed(rng: np.random.Generator) -> Shape:
     """A block or a log with legs, a neck and a head, or a soft ball between sticks."""
     half = np.array([rng.uniform(0.06, 0.11), rng.uniform(0.035, 0.06), rng.uniform(0.03, 0.05)])
-    leg = rng.uniform(0.012, 0.019)
+    leg = rng.uniform(0.016, 0.022)
     height = rng.uniform(0.05, 0.1)
     z = float(height + half[2])
     pieces: list[Capsule | Block] = [

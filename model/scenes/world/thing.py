@@ -36,14 +36,16 @@ GAUSSIANS = 1100
 """That fill an object, about."""
 PLACES = 1000
 """On its surface."""
-TWIN_POINTS = (150, 600)
-"""Mass points of a twin."""
-FINER = (2.0, 3.0)
+TWIN_POINTS = {"solid": (220, 600), "sheet": (150, 600), "rope": (150, 500)}
+"""Mass points of a twin; a limb should be some points thick."""
+FINER = {"solid": (2.0, 3.0), "sheet": (1.6, 2.4), "rope": (2.0, 3.0)}
 """Points of the world over those of the twin."""
 FEWEST = 5
 """Mass points that every part has."""
 TANGENT = 0.004
 """How far the points lie that say how a surface has turned [m]."""
+BEARING = 8.0
+"""Least modulus of a part over the object's weight on its mean section."""
 OPACITY = 0.95
 KNOWN = 0.05
 """Spread of the density, which is known in generated cases."""
@@ -79,12 +81,13 @@ def draw_thing(name: str, object_class: ObjectClass, rng: np.random.Generator) -
     """One object of a class."""
     while True:
         shape = draw_shape(object_class, rng)
-        substances = draw_substances(object_class, shape.shape_class, shape.body.parts, rng)
         gaussians, parts = fill(shape, rng)
         if np.bincount(parts.labels, minlength=shape.body.parts).min() < 3:
             continue
+        volume = np.bincount(parts.labels, gaussians.volumes.astype(np.float64))
+        substances = _bearing(shape, volume, rng)
         priors = _right(substances, shape.shape_class, rng)
-        count = int(np.exp(rng.uniform(*np.log(TWIN_POINTS))))
+        count = int(np.exp(rng.uniform(*np.log(TWIN_POINTS[shape.shape_class]))))
         topology = build_topology(
             gaussians,
             Parts(parts.labels, shape.body.parts),
@@ -98,6 +101,17 @@ def draw_thing(name: str, object_class: ObjectClass, rng: np.random.Generator) -
         if np.bincount(topology.part, minlength=shape.body.parts).min() >= FEWEST:
             colored = paint(gaussians, parts, [one.material for one in substances], wardrobe(name))
             return _completed(name, shape, substances, colored, priors, topology, rng)
+
+
+def _bearing(shape: Shape, volume: Float64[Array, " K"], rng: np.random.Generator) -> tuple[Substance, ...]:
+    """Materials such that no part of a solid collapses under the object's weight."""
+    while True:
+        substances = draw_substances(shape.object_class, shape.shape_class, len(volume), rng)
+        load = STANDARD_GRAVITY[2] * float(np.dot([one.density for one in substances], volume))
+        pressure = -load / float(volume.sum()) ** (2.0 / 3.0)
+        softest = min(one.stiffness for one in substances)
+        if shape.shape_class != "solid" or softest >= BEARING * pressure:
+            return substances
 
 
 def fill(shape: Shape, rng: np.random.Generator) -> tuple[Gaussians, Parts]:
@@ -148,7 +162,7 @@ def _completed(
 ) -> Thing:
     """The object with its world, its truth and its surface."""
     body, shape_class = shape.body, shape.shape_class
-    count = int(len(topology.points) * rng.uniform(*FINER))
+    count = int(len(topology.points) * rng.uniform(*FINER[shape_class]))
     graph = fine_graph(body, substances, shape_class, count, rng)
     density = np.array([one.density for one in substances])
     wanted = np.array([one.stiffness for one in substances])

@@ -58,6 +58,8 @@ class Grip:
     """(controller, point of the twin)."""
     stiffness: Float64[Array, " S"]
     """[N/m]."""
+    dashpot: float
+    """Of each of the twin's springs [N·s/m]."""
     points: Float32[Array, "N 3"]
     """Of the twin, in the pose in which it is taken [m]."""
 
@@ -73,7 +75,7 @@ def fine_graph(
     points = body.fill(count, rng)
     dimension = 2.0 if shape_class == "sheet" else 3.0
     spacing = float(np.median(cKDTree(points).query(points, 2)[0][:, 1]))
-    wanted = rng.uniform(10.0, 13.0) if shape_class == "sheet" else rng.uniform(13.0, 18.0)
+    wanted = rng.uniform(11.0, 15.0) if shape_class == "sheet" else rng.uniform(20.0, 28.0)
     thickness = 4.0 * np.pi / 3.0 if dimension == 3.0 else np.pi
     reach = (wanted / thickness) ** (1.0 / dimension) * (body.volume() / len(points)) ** (1.0 / 3.0)
     if shape_class == "sheet":
@@ -188,8 +190,9 @@ def run_world(
     """
     rest = world.topology.points.astype(np.float64)
     topology = replace(world.topology, points=(rest @ rotation.T + shift).astype(np.float32))
-    pairs, lengths, firm = _taken(topology.points, controllers[0], grip)
-    damping = np.concatenate([world.dashpot, np.full(len(pairs), np.median(world.dashpot))])
+    pairs, lengths, share = _taken(topology.points, controllers[0], grip)
+    firm, held_back = share.T
+    damping = np.concatenate([world.dashpot, held_back])
     simulator = build_simulator(
         points=topology.points,
         mass=topology.mass,
@@ -240,21 +243,27 @@ def hold(
 
 def _taken(
     points: Float32[Array, "N 3"], controllers: Float32[Array, "C 3"], grip: Grip
-) -> tuple[Int32[Array, "S 2"], Float32[Array, " S"], Float64[Array, " S"]]:
-    """A grip of the twin, each spring shared by the world's points around its end."""
+) -> tuple[Int32[Array, "S 2"], Float32[Array, " S"], Float64[Array, "S 2"]]:
+    """A grip of the twin, each spring shared by the world's points around its end.
+
+    Returns:
+        Pairs (controller, point), their lengths [m], and stiffness [N/m] and dashpot [N·s/m] of each.
+    """
     if not len(grip.pairs):
-        return np.zeros((0, 2), np.int32), np.zeros(0, np.float32), np.zeros(0)
+        return np.zeros((0, 2), np.int32), np.zeros(0, np.float32), np.zeros((0, 2))
     tree = cKDTree(points)
     near = tree.query(grip.points[grip.pairs[:, 1]], SHARED)[1]
     owner = np.repeat(grip.pairs[:, :1], SHARED, axis=1)
     length = np.linalg.norm(points[near] - controllers[owner], axis=2)
     shortest = SHORTEST * float(np.median(tree.query(points, 2)[0][:, 1]))
     used = length >= np.minimum(shortest, length.max(axis=1, keepdims=True))
-    share = used * (grip.stiffness / used.sum(axis=1))[:, None]
+    share = (used / used.sum(axis=1, keepdims=True))[used]
+    firm = np.repeat(grip.stiffness[:, None], SHARED, axis=1)[used] * share
     keys, place = np.unique(owner[used].astype(np.int64) * len(points) + near[used], return_inverse=True)
     pairs = np.stack([keys // len(points), keys % len(points)], axis=1).astype(np.int32)
     lengths = np.linalg.norm(points[pairs[:, 1]] - controllers[pairs[:, 0]], axis=1).astype(np.float32)
-    return pairs, lengths, np.bincount(place, share[used], minlength=len(keys))
+    both = [np.bincount(place, value, len(keys)) for value in (firm, grip.dashpot * share)]
+    return pairs, lengths, np.stack(both, axis=1)
 
 
 def _shared(mass: Float64[Array, " N"]) -> Float64[Array, " N"]:
