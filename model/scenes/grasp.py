@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from model.rotations import multiply, nearest_rotations
-from model.scenes.hand import SLEEVE_SPACING, SPACING, hand_coat
-from model.scenes.splats import Coat
+from model.scenes.hand import SLEEVE_SPACING, SPACING, hand_coat, upper_arm
+from model.scenes.splats import Coat, joined
 from model.types import Array, Camera, Gaussians
 
 ONE_HAND = 0.09
@@ -22,6 +22,8 @@ PINCH = 0.008
 """How deep fingertips sink into what they hold, at most [m]."""
 LOOSE = 0.004
 """How far from the surface a hand may be said to hold [m]."""
+UPPER_SPACING = 0.016
+"""Between the discs of the upper arm [m]."""
 YAWS, PITCHES = 16, (-0.35, 0.15, 0.6)
 """In how many directions a hand may come in, and how steeply, beyond its own slope [rad]."""
 SKINS = (1.0, 0.82, 0.6, 0.42)
@@ -69,7 +71,8 @@ def hands_of(
     if controllers.shape[1] == 0:
         return []
     group = hand_groups(controllers)
-    plain = hand_coat(rng, spacing, max(SLEEVE_SPACING, 1.5 * spacing))
+    lower = hand_coat(rng, spacing, max(SLEEVE_SPACING, 1.5 * spacing))
+    plain = joined(lower, upper_arm(rng, UPPER_SPACING))
     tone = float(SKINS[int(rng.integers(len(SKINS)))])
     colors = np.clip(plain.gaussians.colors * tone, 0, 1).astype(np.float32)
     toned = Coat(replace(plain.gaussians, colors=colors), plain.normals)
@@ -112,7 +115,9 @@ def _followed(held: Float64[Array, "T C 3"]) -> tuple[Float64[Array, "T 3 3"], F
     """The rigid motion of controllers since frame 0 (Kabsch): turns about their middle, and its way."""
     middle = held.mean(axis=1)
     around = held - middle[:, None]
-    spread = np.einsum("tci,cj->tij", around, around[0]) + 1e-6 * np.eye(3)
+    spread = np.einsum("tci,cj->tij", around, around[0])
+    # Unturned about what the fingers do not span.
+    spread += (1e-6 * float((around[0] ** 2).sum()) + 1e-12) * np.eye(3)
     left, _, right = np.linalg.svd(spread)
     sign = np.ones((len(held), 3))
     sign[:, 2] = np.linalg.det(left @ right)

@@ -48,6 +48,8 @@ FOREARM = chain((0.006, 0.130, 0.093, 0.0230), (0.012, 0.180, 0.122, 0.0260), (0
 SLEEVE_TUBE = chain(
     (0.022, 0.300, 0.190, 0.0430), (0.050, 0.620, 0.360, 0.0560), (0.075, 0.900, 0.520, 0.0650)
 )
+UPPER_ARM = chain((0.075, 0.900, 0.520, 0.0650), (0.140, 1.700, 0.980, 0.0800))
+"""Behind the end of the sleeve, where a camera sees that far."""
 PARTS = (INDEX, MIDDLE, RING, LITTLE, THUMB, PALM, FOREARM)
 
 
@@ -71,6 +73,13 @@ def hand_coat(
     albedo *= (1 + 0.04 * mottled + rng.normal(0, 0.015, len(surface)))[:, None]
     skin = coat(body, np.clip(albedo, 0, 1), surface, spacing, rng)
     return joined(skin, _sleeve(rng, sleeve_spacing))
+
+
+def upper_arm(rng: np.random.Generator, spacing: float) -> Coat:
+    """The rest of the sleeve, its discs about `spacing` [m] apart."""
+    surface = UPPER_ARM.surface(spacing)
+    folds = 1 + 0.12 * np.sin(surface[:, 1] * 40 + 3 * np.sin(surface[:, 0] * 30))
+    return coat(UPPER_ARM, folds[:, None] * SLEEVE, surface, spacing, rng)
 
 
 def _sleeve(rng: np.random.Generator, spacing: float) -> Coat:
