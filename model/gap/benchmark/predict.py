@@ -2,16 +2,14 @@
 
 import hashlib
 import json
-import multiprocessing
-import os
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from model.crew import crew
 from model.errors import InputError
 from model.formats.files import replacing
 from model.gap.diagnosis import Diagnosis
@@ -107,15 +105,8 @@ def _each(jobs: Sequence[_Job], workers: int) -> Iterator[Prediction]:
     if workers == 1:
         yield from map(_predict, jobs)
         return
-    # Forked children would inherit torch's threads in a state of their own.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+    with crew(workers) as pool:
         yield from pool.map(_predict, jobs)
-
-
-def _one_thread() -> None:
-    """Before torch is imported: the processes share the cores."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def _predict(job: _Job) -> Prediction:
