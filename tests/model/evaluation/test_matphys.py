@@ -1,0 +1,79 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from model.encoders import KinematicEncoder
+from model.errors import InputError
+from model.evaluation.matphys import MatPhysMethod
+from model.evaluation.protocol import Task, judge
+from model.predictor.checkpoint import About, save_predictor
+from model.predictor.options import NetworkOptions
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory):
+    """A predictor that was trained on nothing."""
+    torch.manual_seed(0)
+    encoder, options = KinematicEncoder(), NetworkOptions(dim=16, layers=1, heads=2)
+    path = tmp_path_factory.mktemp("predictor") / "untrained.safetensors"
+    about = About(
+        schema="matphys.predictor/1",
+        options=options.as_dict(),
+        motion_dim=encoder.dim,
+        motion_global_dim=encoder.global_dim,
+        encoder=encoder.name,
+        encoder_version=encoder.version,
+        data={"index": "a" * 64},
+    )
+    save_predictor(path, options.build(encoder.dim, encoder.global_dim), about)
+    return path
+
+
+def task(checkpoint, case, *others, source=None):
+    method = MatPhysMethod(checkpoint)
+    return Task(key="k", name="ours", method=method, case=case, own=case, others=others, source=source)
+
+
+def test_it_is_measured_as_any_other_method(checkpoint, object_cases):
+    record = judge(task(checkpoint, *object_cases(0)))
+    assert record.failed is None
+    assert record.unseen[0].failed is None
+    assert record.method == "ours"
+    assert record.future["track"] > 0.0
+    # an untrained network stays near the prior, and says how unsure it is
+    for part in record.parts:
+        assert abs(part.log_estimate - part.log_truth) < 5.0
+        assert part.log_spread > 0.0
+    assert set(record.globals) == {"dashpot_damping", "drag_rate", "friction", "restitution"}
+
+
+def test_what_it_was_not_shown_changes_nothing(checkpoint, object_cases):
+    case = object_cases(0)[0]
+    points = case.observation.points.copy()
+    points[case.split :] += 1.0
+    other = replace(case, observation=replace(case.observation, points=points), complete=case.complete + 1.0)
+    first, second = (judge(task(checkpoint, one)) for one in (case, other))
+    assert [part.log_estimate for part in first.parts] == [part.log_estimate for part in second.parts]
+    np.testing.assert_allclose(second.future["track"], np.sqrt(3.0), atol=0.5)
+
+
+def test_an_object_it_was_trained_on_is_known(checkpoint, object_cases):
+    case = object_cases(0)[0]
+    assert judge(task(checkpoint, case, source="a" * 64)).known_object
+    assert not judge(task(checkpoint, case, source="b" * 64)).known_object
+    assert not judge(task(checkpoint, case)).known_object
+
+
+def test_other_weights_are_another_result(checkpoint, tmp_path):
+    copy = tmp_path / "copy.safetensors"
+    copy.write_bytes(checkpoint.read_bytes())
+    assert MatPhysMethod(copy).identity() == MatPhysMethod(checkpoint).identity()
+    copy.write_bytes(checkpoint.read_bytes() + b" ")
+    assert MatPhysMethod(copy).identity() != MatPhysMethod(checkpoint).identity()
+
+
+def test_a_predictor_that_is_not_there(tmp_path):
+    with pytest.raises(InputError, match="no such predictor"):
+        MatPhysMethod(tmp_path / "none.safetensors")
