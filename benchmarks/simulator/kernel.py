@@ -8,7 +8,6 @@ Needs the `test` extra.
 """
 
 import argparse
-import ctypes
 import os
 import subprocess
 import sys
@@ -20,14 +19,15 @@ from pathlib import Path
 import numpy as np
 import torch
 from kernel_warp import WarpSprings
+from limits import limit_table
 from oracle import scene
 from peers import NAMES, STEPS, peers
+from turns import Run, in_turns, spread
 
 from model.simulator.kernel import build
-from model.simulator.kernel.call import Interval, state_rows
+from model.simulator.kernel.call import Interval
 from model.simulator.kernel.cuda.kernel import CudaKernel
 from model.simulator.kernel.kernel import Kernel
-from model.simulator.kernel.layout import lay_out
 from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State
 
@@ -35,20 +35,6 @@ SIZES = ((500, 5_000), (2_000, 20_000), (8_000, 120_000))
 FPS, PHYSTWIN = 30.0, 667
 """Frames per second, and the substeps that PhysTwin takes for each."""
 DT = 1 / FPS / PHYSTWIN
-Run = Callable[[], object]
-
-
-def in_turns(runs: dict[str, Run], repeats: int, clock: Callable[[], float]) -> dict[str, np.ndarray]:
-    """Seconds of each run, in each of the rounds."""
-    for run in runs.values():
-        run()
-    seconds = {name: np.empty(repeats) for name in runs}
-    for turn in range(repeats):
-        for name, run in runs.items():
-            began = clock()
-            run()
-            seconds[name][turn] = clock() - began
-    return seconds
 
 
 def kernel_run(simulator: Simulator, steps: int, dt: float, gradients: bool, checkpoint: bool = False) -> Run:
@@ -197,59 +183,6 @@ def thread_table(repeats: int) -> None:
     torch.set_num_threads(1)
 
 
-TOUCH = """
-#include <cstdint>
-typedef int32_t V __attribute__((vector_size(32)));
-typedef int32_t H __attribute__((vector_size(16)));
-typedef int32_t UV __attribute__((vector_size(32), aligned(4), may_alias));
-typedef int32_t UH __attribute__((vector_size(16), aligned(4), may_alias));
-extern "C" void touch(const float *rows, float *to, float *sums, const int32_t *offset, const float *a,
-                      const float *b, const int64_t *start, int64_t slices, int64_t steps) {
-  V bits[5] = {};
-  H one = {};
-  for (int64_t step = 0; step < steps; ++step)
-    for (int64_t slice = 0; slice < slices; ++slice) {
-      for (int64_t slot = start[slice]; slot < start[slice + 1]; ++slot) {
-        const int32_t *at = offset + 8 * slot;
-        for (int i = 0; i < 4; ++i) bits[i] ^= *(const UV *)(rows + at[i]) ^ *(const UV *)(rows + at[i + 4]);
-        bits[4] ^= *(const UV *)(a + 8 * slot) ^ *(const UV *)(b + 8 * slot);
-        for (int i = 0; i < 8; ++i) *(UH *)(sums + at[i] / 2) ^= one;
-      }
-      for (int i = 0; i < 4; ++i) *(UV *)(sums + 32 * slice + 8 * i) ^= bits[i];
-      for (int i = 0; i < 8; ++i) *(UV *)(to + 64 * slice + 8 * i) = bits[i % 5];
-    }
-}
-"""
-"""The loads and stores of a substep forward, and nothing else: one operation per load, so that none goes."""
-
-
-def limit_table(repeats: int, clock: Callable[[], float]) -> None:
-    """How near the kernel is to what the caches can deliver."""
-    torch.set_num_threads(1)
-    print("\n## forward, against its own loads and stores alone [us per substep]\n")
-    print("| points / springs | loads and stores | GB/s | kernel | share |\n|---|---|---|---|---|")
-    library = build.load(TOUCH)
-    for points, springs in SIZES:
-        simulator = scene(points, springs)
-        layout = lay_out(simulator.system.edges)
-        slots, rows = layout.springs, torch.zeros(2, state_rows(layout), 8)
-        values, sums = torch.ones(2, len(slots.offset)), torch.zeros(len(rows[0]), 4)
-        read = (rows[0], rows[1], sums, slots.offset, values[0], values[1], slots.start)
-        addresses = [each.data_ptr() for each in read]
-
-        def touch(addresses: list[int] = addresses, slices: int = layout.slices) -> None:
-            library.touch(*map(ctypes.c_void_p, addresses), ctypes.c_int64(slices), ctypes.c_int64(100))
-
-        seconds = in_turns({"touch": touch, "kernel": kernel_run(simulator, 100, DT, False)}, repeats, clock)
-        micro = {name: 1e4 * value for name, value in seconds.items()}
-        moved = len(slots.offset) * (4 + 4 + 4 + 32 + 2 * 16) + (rows[0].numel() + 2 * sums.numel()) * 4
-        print(
-            f"| {points} / {springs} | {np.median(micro['touch']):.0f} "
-            f"| {moved / np.median(micro['touch']) / 1e3:.0f} | {np.median(micro['kernel']):.0f} "
-            f"| {spread(100 * micro['touch'] / micro['kernel'])} % |"
-        )
-
-
 def memory_table() -> None:
     """What a gradient through 30 frames of 667 substeps adds to a process, checkpointed by frames."""
     print(f"\n## extra memory: the gradient through 30 frames of {PHYSTWIN} substeps, checkpointed\n")
@@ -333,12 +266,6 @@ def build_table() -> None:
             print(f"- {what}: {time.perf_counter() - began:.2f}")
 
 
-def spread(values: np.ndarray) -> str:
-    """Median and quartiles."""
-    low, middle, high = np.percentile(values, (25, 50, 75))
-    return f"{middle:.1f} ({low:.1f}…{high:.1f})"
-
-
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
@@ -359,12 +286,16 @@ def main() -> None:
             parser.exit(2, "--device cuda: torch sees no CUDA device here\n")
         device_table(args.repeats)
         return
+
+    def forward(simulator: Simulator) -> Run:
+        return kernel_run(simulator, 100, DT, False)
+
     clock = time.process_time if args.clock == "cpu" else time.perf_counter
     runs = {
         "time": lambda: time_table(args.repeats, clock),
         "frame": lambda: frame_table(args.repeats, clock),
         "threads": lambda: thread_table(args.repeats),
-        "limit": lambda: limit_table(args.repeats, clock),
+        "limit": lambda: limit_table(SIZES, forward, args.repeats, clock),
         "memory": memory_table,
         "exact": exact_table,
         "build": build_table,
