@@ -12,6 +12,8 @@ from model.types import Array
 
 STEP = 1e-4
 """Of the differences that give a normal [m]."""
+COARSE = 4
+"""Places of a grid per side of the cells that are looked at first."""
 SKIN = 0.05
 """How far below the surface its points lie, over the spacing: matter, not its skin, is what weighs."""
 
@@ -192,17 +194,25 @@ class Solid(Body):
         return np.asarray(grid[self.distance(grid) < 0.0])
 
     def _cells(self, spacing: float, rng: np.random.Generator, jitter: float) -> Float64[Array, "P 3"]:
-        """A grid around the body, begun at a random place, each of its points moved at random."""
-        begin = self._low - spacing * rng.uniform(0.5, 1.5, 3)
-        axes = [np.arange(b, high + spacing, spacing) for b, high in zip(begin, self._high, strict=True)]
-        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        """The places of a grid, begun at random, in and near the body, each moved at random.
+
+        Large cells that are too far off for any of their places to be near are left out at once.
+        """
+        size, begin = COARSE * spacing, self._low - spacing * rng.uniform(0.5, 1.5, 3)
+        axes = [np.arange(b, high + spacing, size) for b, high in zip(begin, self._high, strict=True)]
+        corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        middle = (size - spacing) / 2.0
+        corners = corners[self.distance(corners + middle) < np.sqrt(3.0) * middle + 1.2 * spacing]
+        steps = np.stack(np.meshgrid(*[np.arange(COARSE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        grid = (corners[:, None] + spacing * steps).reshape(-1, 3)
         return np.asarray(grid + jitter * spacing * rng.uniform(-1.0, 1.0, grid.shape), np.float64)
 
     def _grid(self, spacing: float, rng: np.random.Generator) -> Float64[Array, "P 3"]:
-        grid = self._cells(spacing, rng, 0.2)
-        depth = -self.distance(grid)
-        points, depth = grid[depth > -0.1 * spacing], depth[depth > -0.1 * spacing]
-        outer = depth < 0.4 * spacing
+        points = self._cells(spacing, rng, 0.2)
+        depth = -self.distance(points)
+        # the cells that the surface runs through give it a layer of points, whatever side their middle is on
+        points, depth = points[depth > -0.5 * spacing], depth[depth > -0.5 * spacing]
+        outer = depth < 0.5 * spacing
         shell = points[outer]
         points[outer] = shell + (depth[outer] - SKIN * spacing)[:, None] * self.normals(shell)
         close = cKDTree(points).query_pairs(0.35 * spacing, output_type="ndarray")
@@ -243,8 +253,8 @@ class Sheet(Body):
         spacing = float(np.sqrt(self._area / count))
         plane = self._plane(spacing, rng, 0.2)
         away = self._away(plane)
-        plane, away = plane[away < 0.1 * spacing], away[away < 0.1 * spacing]
-        outer = away > -0.4 * spacing
+        plane, away = plane[away < 0.5 * spacing], away[away < 0.5 * spacing]
+        outer = away > -0.5 * spacing
         shifts = STEP * np.eye(2)
         slope = np.stack(
             [self._away(plane[outer] + s) - self._away(plane[outer] - s) for s in shifts], axis=1

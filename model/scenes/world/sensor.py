@@ -27,10 +27,11 @@ LOST = 0.08
 """Chance that a track ends early."""
 GAP = 0.004
 """Chance per frame that a track is interrupted for a few frames."""
-FACING = 0.1
+FACING = 0.15
 """Least cosine between a surface and the way to the camera at which its texture can be followed."""
 BEHIND = 1.6
-"""How far behind the front-most point a point is still seen, in spacings of the surface."""
+"""How far behind the front-most point a point facing the camera is still seen, in spacings of the surface;
+the more obliquely it is seen, the farther."""
 VIEWS, ENOUGH = 12, 0.3
 """How many views are tried, and the share of the surface that a view should show at first."""
 PALM, ARM = 0.033, 0.25
@@ -83,10 +84,7 @@ def look(
 
 def seen(surface: Surface, hands: Float64[Array, "T H 3"], cameras: Sequence[Camera]) -> Bool[Array, "T M"]:
     """Which places any of the cameras sees in each frame."""
-    views = [
-        _facing(surface, camera) & _in_front(surface, camera) & ~_behind_hand(surface, hands, camera)
-        for camera in cameras
-    ]
+    views = [_in_front(surface, camera) & ~_behind_hand(surface, hands, camera) for camera in cameras]
     return np.asarray(np.any(views, axis=0))
 
 
@@ -138,14 +136,10 @@ def lifted(
     return camera.unproject(pixels + error, np.maximum(depth, 0.05)).astype(np.float32)
 
 
-def _facing(surface: Surface, camera: Camera) -> Bool[Array, "T M"]:
+def _in_front(surface: Surface, camera: Camera) -> Bool[Array, "T M"]:
+    """Which places face the camera, with nothing before them in a buffer of depths as fine as the surface."""
     ray = camera.position - surface.places
     cosine = np.einsum("tmi,tmi->tm", surface.normals, ray) / np.linalg.norm(ray, axis=2)
-    return np.asarray(cosine > FACING)
-
-
-def _in_front(surface: Surface, camera: Camera) -> Bool[Array, "T M"]:
-    """Against a buffer of depths whose cells are as large as the surface is sampled."""
     pixels, depth = camera.project(surface.places)
     focal = float(camera.intrinsics[0, 0])
     cell = max(surface.spacing * focal / float(np.median(depth)), 1.0)
@@ -161,7 +155,8 @@ def _in_front(surface: Surface, camera: Camera) -> Bool[Array, "T M"]:
     upright = np.minimum(nearest[:, :-2, 1:-1], nearest[:, 2:, 1:-1])
     nearest[:, 1:-1, 1:-1] = np.minimum(nearest[:, 1:-1, 1:-1], np.minimum(across, upright))
     front = nearest[frame, place[..., 1], place[..., 0]]
-    return np.asarray(within & (depth <= front + BEHIND * surface.spacing))
+    slack = BEHIND * surface.spacing / np.maximum(cosine, FACING)
+    return np.asarray(within & (cosine > FACING) & (depth <= front + slack))
 
 
 def _behind_hand(surface: Surface, hands: Float64[Array, "T H 3"], camera: Camera) -> Bool[Array, "T M"]:

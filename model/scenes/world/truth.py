@@ -20,6 +20,9 @@ SUBSTEPS = 230
 """Substeps per frame of 1/30 s that the world may cost: what is stiffer is as soft as that."""
 MARGIN = 1.2
 """Of the stability bound, as the simulator takes it."""
+GIVING = 1.2
+"""How much stiffer the springs of the world are than their lattice's formula says: sparse graphs give where
+denser ones do not. So a twin's formula with the true modulus is right on average (benchmarks/scenes/floor.py)."""
 UNEVEN = 0.15
 """Standard deviation of the logarithm of the modulus within a part."""
 LIGHTEST = 0.3
@@ -132,7 +135,7 @@ def affordable(
     for _ in range(4):
         stiffness = part_stiffness(topology, specific * density, volume, shape_class)
         # a fifth more for the hands, which are not there yet
-        needed = MARGIN / (30.0 * stable_step(1.2 * fastest(topology, stiffness, nothing), 0.0))
+        needed = MARGIN / (30.0 * stable_step(1.2 * GIVING * fastest(topology, stiffness, nothing), 0.0))
         if needed <= SUBSTEPS:
             break
         specific = np.minimum(specific, specific.max() * (0.97 * SUBSTEPS / needed) ** 2)
@@ -165,7 +168,7 @@ def make_world(
     density = np.array([substance.density for substance in substances])
     volume = part_volumes(topology, density)
     stiffness = part_stiffness(topology, modulus, volume, shape_class)
-    stiffness = stiffness * _uneven(topology, rng)
+    stiffness = GIVING * stiffness * _uneven(topology, rng)
     ratio = np.log([substance.damping for substance in substances])
     ratio = np.exp(ratio - ratio @ volume / volume.sum())
     length = topology.rest_length.astype(np.float64)
