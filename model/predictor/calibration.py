@@ -37,7 +37,7 @@ class Calibration:
     drag_rate: float = 1.0
     friction: float = 1.0
     restitution: float = 1.0
-    cases: float = 0
+    cases: float = 0.0
     """Looks at cases that it rests on."""
 
     def as_dict(self) -> dict[str, float]:
@@ -85,7 +85,7 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
         parts * float(network.part_scale),
         network.global_scale.cpu().numpy() * np.array(list(others.values()), np.float32),
     )
-    return Calibration(parts=parts, cases=cases, **others)
+    return Calibration(parts=parts, cases=float(cases), **others)
 
 
 def _temperature(found: Tensor) -> float:

@@ -259,7 +259,7 @@ class CaseDataModule(LightningDataModule):
         return CaseDataset(paths, self.encoder, self._opinions)
 
     def _loader(self, data: CaseDataset, looks: Sampler[Look] | Sequence[Look]) -> DataLoader[Example]:
-        return DataLoader(data, self._batch_size, sampler=looks, collate_fn=_collate)
+        return DataLoader(data, batch_size=self._batch_size, sampler=looks, collate_fn=_collate)
 
     def _ranks(self) -> tuple[int, int]:
         """Which process of how many this is."""

@@ -21,11 +21,13 @@ from model.errors import InputError
 from model.predictor.calibration import calibrate
 from model.predictor.checkpoint import About, save_predictor
 from model.predictor.datamodule import CaseDataModule
-from model.predictor.module import PredictorModule
+from model.predictor.module import Answers, PredictorModule
 from model.predictor.prediction_file import write_prediction
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COMMANDS = ("fit", "validate", "test", "predict")
+CHECKPOINTS = "checkpoints"
+"""Folder in that of a run."""
 BEST = "val/loss"
 """What the best checkpoint has least of."""
 QUIET = (
@@ -35,7 +37,7 @@ QUIET = (
     ".*number of training batches .* is smaller than the logging interval.*",
     ".*Checkpoint directory .* exists and is not empty.*",
     ".*LeafSpec.*",  # Lightning and torch between themselves
-    ".*`GPU available.*",
+    ".*callbacks used to create the checkpoint.*",
 )
 
 
@@ -111,7 +113,8 @@ class WriteParameters(Callback):
         dataloader_idx: int = 0,
     ) -> None:
         """Write a batch."""
-        for name, parameters, prediction in outputs:
+        assert isinstance(outputs, Answers)
+        for name, parameters, prediction in outputs.cases:
             write_prediction(self._folder, name, parameters, prediction)
             self._count += 1
 
@@ -140,6 +143,16 @@ class TrainingCLI(LightningCLI):
             help="Where the trained predictor goes; null: predictor.safetensors beside the logs.",
         )
 
+    def before_instantiate_classes(self) -> None:
+        """Refuse early what can only fail later.
+
+        Raises:
+            InputError: there is no such checkpoint.
+        """
+        path = self._get(self.config, "ckpt_path")
+        if path not in (None, "best", "last") and not Path(path).is_file():
+            raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
+
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:  # noqa: ANN401 - Lightning's own signature
         """With logs, checkpoints and exports in `--out`."""
         out = self._get(self.config_init, "out")
@@ -150,7 +163,7 @@ class TrainingCLI(LightningCLI):
             callbacks = [
                 KeepFigures(),
                 ModelCheckpoint(
-                    dirpath=Path(board.log_dir) / "checkpoints",
+                    dirpath=self._checkpoints(Path(board.log_dir)),
                     filename="best",
                     monitor=BEST,
                     save_last=True,
@@ -166,6 +179,13 @@ class TrainingCLI(LightningCLI):
         trainer = super().instantiate_trainer(default_root_dir=out, **kwargs)
         return trainer
 
+    def _checkpoints(self, run: Path) -> Path:
+        """Of a run of its own; of the run that goes on, which knows its best one so far."""
+        before = self._get(self.config, "ckpt_path")
+        if before is not None and Path(before).parent.name == CHECKPOINTS:
+            return Path(before).parent.absolute()
+        return (run / CHECKPOINTS).absolute()
+
     def _written(self) -> str:
         """The configuration as a file that trains the same again."""
         return str(self._parser(self.subcommand).dump(self.config[str(self.subcommand)], skip_none=True))
@@ -179,6 +199,7 @@ def run(arguments: Sequence[str]) -> None:
     """
     logging.getLogger("pytorch_lightning.utilities.rank_zero").setLevel(logging.WARNING)  # advertisements
     with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # libraries among themselves
         for message in QUIET:
             warnings.filterwarnings("ignore", message)
         try:

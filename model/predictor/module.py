@@ -51,6 +51,17 @@ class Rollouts:
         return round(self.first_horizon + share * (self.last_horizon - self.first_horizon))
 
 
+class Answers:
+    """Of a batch, by case: its name, its parameters as a twin takes them, and what was predicted.
+
+    No dataclass and no list, which Lightning would take apart.
+    """
+
+    def __init__(self, cases: Sequence[tuple[str, Parameters, Prediction]]) -> None:
+        """Of these cases."""
+        self.cases = tuple(cases)
+
+
 class PredictorModule(LightningModule):
     """Learns what parts are made of from how they move, through the simulator.
 
@@ -167,13 +178,15 @@ class PredictorModule(LightningModule):
         """What is judged over all cases together."""
         self._summarise("test")
 
-    def predict_step(self, batch: Batch, batch_idx: int) -> list[tuple[str, Parameters, Prediction]]:
-        """By case: its name, its parameters as a twin takes them, and what was predicted of its parts."""
+    def predict_step(self, batch: Batch, batch_idx: int) -> "Answers":
+        """What a batch's cases are like."""
         each = split_prediction(self(batch), [example.sample for example in batch.examples])
-        return [
-            (example.case.name, _parameters(one, example), one)
-            for example, one in zip(batch.examples, each, strict=True)
-        ]
+        return Answers(
+            [
+                (example.case.name, _parameters(one, example), one)
+                for example, one in zip(batch.examples, each, strict=True)
+            ]
+        )
 
     def configure_optimizers(self) -> Any:  # noqa: ANN401 - Lightning's own type is private
         """AdamW; the learning rate rises, then falls as a cosine."""
