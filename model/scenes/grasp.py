@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from model.rotations import multiply, nearest_rotations
-from model.scenes.hand import SLEEVE_SPACING, SPACING, hand_coat, upper_arm
+from model.scenes.hand import SKIN, SLEEVE, SLEEVE_SPACING, SPACING, hand_coat, upper_arm
 from model.scenes.splats import Coat, joined
 from model.types import Array, Camera, Gaussians
 
@@ -28,6 +28,15 @@ YAWS, PITCHES = 16, (-0.35, 0.15, 0.6)
 """In how many directions a hand may come in, and how steeply, beyond its own slope [rad]."""
 SKINS = (1.0, 0.82, 0.6, 0.42)
 """Brightness of people's skin, over the hand's own."""
+
+
+BARE = 0.5
+"""Share of people in short sleeves."""
+SLEEVES = (
+    (0.20, 0.22, 0.30), (0.46, 0.46, 0.48), (0.80, 0.79, 0.76), (0.16, 0.26, 0.20), (0.36, 0.11, 0.14),
+)  # fmt: skip
+WRIST = 0.357
+"""Where the sleeve begins, from the fingertips [m]."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +82,7 @@ def hands_of(
     group = hand_groups(controllers)
     lower = hand_coat(rng, spacing, max(SLEEVE_SPACING, 1.5 * spacing))
     plain = joined(lower, upper_arm(rng, UPPER_SPACING))
-    tone = float(SKINS[int(rng.integers(len(SKINS)))])
-    colors = np.clip(plain.gaussians.colors * tone, 0, 1).astype(np.float32)
-    toned = Coat(replace(plain.gaussians, colors=colors), plain.normals)
+    toned = _dressed(plain, rng)
     placed: list[Hand] = []
     others: list[Float64[Array, "n 3"]] = []
     for number in range(int(group.max()) + 1):
@@ -90,6 +97,17 @@ def hands_of(
         others.append(laid.gaussians.means[:: max(1, len(coat.gaussians) // 2300)].astype(np.float64))
         placed.append(Hand(laid, turns, shifts, middle))
     return placed
+
+
+def _dressed(plain: Coat, rng: np.random.Generator) -> Coat:
+    """Somebody's skin, and their sleeve, unless it is pushed up."""
+    skin = SKIN * SKINS[int(rng.integers(len(SKINS)))]
+    dye = skin if rng.random() < BARE else np.array(SLEEVES[int(rng.integers(len(SLEEVES)))])
+    colors = plain.gaussians.colors.astype(np.float64)
+    covered = np.linalg.norm(plain.gaussians.means, axis=1, keepdims=True) > WRIST
+    folds = colors.mean(axis=1, keepdims=True) / SLEEVE.mean()
+    worn = np.where(covered, folds * dye, colors * (skin / SKIN))
+    return Coat(replace(plain.gaussians, colors=np.clip(worn, 0, 1).astype(np.float32)), plain.normals)
 
 
 def hand_groups(controllers: Float32[Array, "T C 3"]) -> Int[Array, " C"]:

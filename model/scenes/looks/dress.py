@@ -15,6 +15,8 @@ from model.types import Array, Gaussians
 OPACITY, HAIR_OPACITY = 0.95, 0.85
 HAIRS = 2
 """Per disc."""
+FILLING = 0.5
+"""Size of the Gaussians inside over those that they were."""
 COMBED = np.array([0.25, 0.1, -0.35])
 """How hairs lean, over their length."""
 
@@ -26,9 +28,9 @@ class Dress:
     gaussians: Gaussians
     """Their colours are the albedo."""
     normals: Float32[Array, "G 3"]
-    """For the light: outward, unit, with the material's relief."""
+    """For the light: outward, unit, with the material's relief; zero inside the body."""
     outward: Float32[Array, "G 3"]
-    """Away from the inside of the body, unit: what looks away from the camera is not seen."""
+    """Away from the inside of the body, unit: what looks away from the camera is not seen; zero inside."""
     label: Int32[Array, " G"]
     """Which look each wears."""
 
@@ -53,7 +55,10 @@ def dress(
     """
     surface = surface_of(body, spacing, rng, known)
     label = labels[surface.owner].astype(np.int32)
-    skin = _worn(_discs(surface), surface.normals, label, looks, body)
+    skin = _both(
+        _worn(_discs(surface), surface.normals, label, looks, body),
+        _worn(_filling(body), np.zeros(body.means.shape), labels.astype(np.int32), looks, body),
+    )
     piles = np.array([look.finish.pile for look in looks])
     hairy = np.repeat(np.flatnonzero(piles[label] > 0), HAIRS)
     if not len(hairy):
@@ -75,7 +80,7 @@ def _worn(
         mine = label == number
         if mine.any():
             relief[mine] = look.relief(place[mine])
-    rough = normals + relief
+    rough = np.where(normals.any(axis=1, keepdims=True), normals + relief, 0.0)
     rough /= np.maximum(np.linalg.norm(rough, axis=1, keepdims=True), 1e-9)
     colors = np.clip(albedos(looks, label, place) * gaussians.colors, 0, 1).astype(np.float32)
     return Dress(
@@ -92,6 +97,16 @@ def _discs(surface: Surface) -> Gaussians:
         opacities=np.full(count, OPACITY, np.float32),
         colors=np.ones((count, 3), np.float32),
         volumes=np.full(count, spacing**3, np.float32),
+    )
+
+
+def _filling(body: Gaussians) -> Gaussians:
+    """What is seen through gaps between discs: the body's own Gaussians, drawn in."""
+    return replace(
+        body,
+        scales=FILLING * body.scales,
+        opacities=np.full(len(body), OPACITY, np.float32),
+        colors=np.ones_like(body.colors),
     )
 
 

@@ -9,6 +9,8 @@ from jaxtyping import Float, Float32, Float64, Int
 from model.scenes.looks.base import Finish
 from model.types import Array
 
+INSIDE = 0.6
+"""Cosine to the lamp of what has no normal."""
 BURIED = 0.02
 """Height above the ground [m] within which little light comes from below."""
 SKY, FLOOR = 1.0, 0.45
@@ -53,7 +55,7 @@ def lit(
 
     Args:
         albedo: RGB, 0..1.
-        normals: Unit.
+        normals: Unit; zero: of something inside, seen through a gap.
         views: Unit vectors to the camera.
         heights: Above the ground [m].
         finishes: What there is.
@@ -67,7 +69,8 @@ def lit(
         np.array([getattr(finish, name) for finish in finishes], np.float64)[label]
         for name in ("specular", "gloss", "sheen", "wrap", "metallic")
     )
-    facing = normals @ np.array(light.towards)
+    solid = normals.any(axis=1)
+    facing = np.where(solid, normals @ np.array(light.towards), INSIDE)
     grazing = np.clip(1 - np.abs((normals * views).sum(axis=1)), 0, 1)
     diffuse = np.clip((facing + wrap) / (1 + wrap), 0, 1)
     sky = FLOOR + (SKY - FLOOR) * (1 + normals[:, 2]) / 2
@@ -76,10 +79,10 @@ def lit(
     matt = light.ambient * sky[:, None] + light.strength * diffuse[:, None] * lamp
     matt = matt * (1 - 0.6 * buried)[:, None] * (1 - 0.75 * metallic)[:, None]
     mirrored = _mirrored(normals, views, gloss, light)
-    fresnel = specular + (1 - specular) * grazing**5 * gloss
+    fresnel = solid * (specular + (1 - specular) * grazing**5 * gloss)
     tint = np.where(metallic[:, None] > 0, albedo, 1.0)
     shine = (fresnel * mirrored)[:, None] * tint * lamp
-    edge = (sheen * grazing**2)[:, None] * (0.5 + 0.5 * albedo)
+    edge = (solid * sheen * grazing**2)[:, None] * (0.5 + 0.5 * albedo)
     colors: Float32[Array, "G 3"] = np.clip(albedo * matt + shine + edge * matt, 0, 1).astype(np.float32)
     return colors
 

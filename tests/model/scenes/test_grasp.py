@@ -68,6 +68,24 @@ def test_hands_go_where_their_controllers_go(hands):
         np.testing.assert_allclose(turned, hand.at(0)[2], atol=1e-4)
 
 
+def test_people_differ_in_skin_and_sleeves(ball):
+    still = np.tile(np.array([[[0.0, 0.0, 0.12]]], np.float32), (2, 1, 1))
+    arms = []
+    for seed in range(6):
+        (hand,) = hands_of(still, *ball, CAMERA, np.random.default_rng(seed), 0.008)
+        coat = hand.coat.gaussians
+        away = np.linalg.norm(coat.means - np.array([0.0, 0.0, 0.12]), axis=1)
+        arms.append([coat.colors[part].mean(axis=0) for part in (away < 0.25, away > 0.5)])
+    skin, sleeve = np.moveaxis(np.array(arms), 1, 0)
+    assert (skin[:, 0] > skin[:, 2]).all()
+    assert np.ptp(skin.mean(axis=1)) > 0.1
+    bare = np.abs(sleeve / sleeve.sum(axis=1, keepdims=True) - skin / skin.sum(axis=1, keepdims=True)).max(
+        axis=1
+    )
+    assert (bare < 0.03).any()
+    assert (bare > 0.05).any()
+
+
 def test_nobody_is_there_where_nothing_is_held(ball):
     nothing = np.zeros((5, 0, 3), np.float32)
     assert hands_of(nothing, *ball, CAMERA, np.random.default_rng(0)) == []
