@@ -38,6 +38,17 @@ def test_other_texts_and_other_flags_are_other_kernels(cache, monkeypatch):
     assert len(list(cache.iterdir())) == 3
 
 
+def test_a_wish_that_a_compiler_does_not_know_is_left_out(cache, monkeypatch):
+    wishes = (("-fno-such-wish", ""), ("-fopenmp", "#include <no/such/header>\n"), ("-DWISH=5", ""))
+    monkeypatch.setattr(build, "WISHES", wishes)
+    build._wishes.cache_clear()
+    try:
+        assert build.load(ANSWER.replace("%d", "WISH")).answer() == 5
+        assert build._wishes(build._compiler()) == ("-DWISH=5",)
+    finally:
+        build._wishes.cache_clear()
+
+
 def test_two_processes_building_at_once_do_not_collide(cache):
     script = textwrap.dedent("""
         import sys
