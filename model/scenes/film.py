@@ -120,13 +120,11 @@ def set_scene(case: Case, size: tuple[int, int], seed: int) -> Scene:
     happens = np.concatenate([case.complete.reshape(-1, 3), case.observation.controllers.reshape(-1, 3)])
     camera = draw_camera(happens, size, stage) if case.camera is None else scaled(case.camera, max(size))
     setting = Setting.draw(stage)
-    surface = body.gaussians.means, body.normals
-    hands = tuple(
-        hands_of(
-            case.observation.controllers, *surface, camera, stage, float(np.clip(spacing, *HAND_SPACING))
-        )
-    )
-    return Scene(case, camera, setting, looks, body, hands)
+    outside = body.outward.any(axis=1)
+    surface = body.gaussians.means[outside], body.outward[outside]
+    fine = float(np.clip(spacing, *HAND_SPACING))
+    hands = hands_of(case.observation.controllers, *surface, camera, stage, fine)
+    return Scene(case, camera, setting, looks, body, tuple(hands))
 
 
 def materials_of(case: Case) -> list[int]:
