@@ -1,6 +1,7 @@
 """Methods that a predictor is measured against, one per file."""
 
 from model.evaluation.baselines.base import Fitted, Method, PartBelief, Twin, carried
+from model.evaluation.baselines.graph_dynamics import GraphDynamics
 from model.evaluation.baselines.hold_last import HoldLast
 from model.evaluation.baselines.last_residual import LastResidual
 from model.evaluation.baselines.nearest_anchors import NearestAnchors
@@ -15,6 +16,7 @@ ALL_METHODS: tuple[type[Method], ...] = (
     TwoStage,
     PiecewiseField,
     NearestAnchors,
+    GraphDynamics,
 )
 """What the table compares with, in its order."""
 
