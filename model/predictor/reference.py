@@ -1,7 +1,8 @@
 """Twins of reference: how a topology would have moved under the recorded hand, made of known stuff."""
 
 import warnings
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -79,7 +80,7 @@ def reference_motion(
     moved = list[Float32[Array, "T N 3"]]()
     for place, value in enumerate(sweep_log):
         again = place > 0 and value == sweep_log[place - 1]
-        moved.append(moved[-1] if again else bench.roll(bench.uniform(value), still))
+        moved.append(moved[-1] if again else bench.roll([bench.uniform(value)], still)[0])
     sweep = np.stack(moved)
     base_log = _between(sweep_log, sweep, observation.points, camera)
     base = bench.uniform(base_log)
@@ -124,33 +125,26 @@ class _Bench:
     ) -> tuple[Float32[Array, "V1 T N 3"], Float64[Array, " V"]]:
         """The base, then it with each constant changed; by how much.
 
-        A modulus is lowered where raising it would need too many substeps, the dashpot always.
+        Moduli and the dashpot are lowered, so that no twin needs more substeps than the base.
 
         Args:
             base: What is changed.
-            otherwise: How the base moves [m] should its simulation break.
+            otherwise: How all of them move [m] should their simulation break.
         """
-        room = self.log_ceiling - float(base.log_modulus.max())
         steps = np.full(self.parts + len(GLOBALS), STEP)
-        steps[: self.parts] *= 1.0 if room >= STEP else -1.0
-        steps[self.parts] *= -1.0
-        meets_ground = self.seen.ground_height is not None
-        if not meets_ground:
+        steps[: self.parts + 1] *= -1.0
+        if self.seen.ground_height is None:
             steps[-2:] = 0.0
-        moved = [self.roll(base, otherwise)]
-        for number, step in enumerate(steps):
-            if step == 0.0:
-                moved.append(moved[0])
-                continue
-            one = np.zeros(len(steps))
-            one[number] = step
-            changed = replace(
-                base,
-                log_modulus=base.log_modulus + one[: self.parts],
-                values=base.values + one[self.parts :],
-            )
-            moved.append(self.roll(changed, moved[0]))
-        return np.stack(moved), steps
+        acting = np.flatnonzero(steps)
+        changes = np.concatenate([np.zeros((1, len(steps))), np.diag(steps)[acting]])
+        changed = [
+            _Stuff(base.log_modulus + change[: self.parts], base.values + change[self.parts :])
+            for change in changes
+        ]
+        rolled = self.roll(changed, otherwise)
+        moved = np.repeat(rolled[:1], 1 + len(steps), axis=0)
+        moved[1 + acting] = rolled[1:]
+        return moved, steps
 
     def nearer(self, base: _Stuff, change: Float64[Array, " V"]) -> _Stuff:
         """The base changed, but not far beyond what its responses cover, and within what can be afforded."""
@@ -163,21 +157,24 @@ class _Bench:
         values[0] += np.log(limit.dashpot)
         return _Stuff(modulus + np.log(limit.stiffness), values)
 
-    def roll(self, stuff: _Stuff, otherwise: Float32[Array, "T N 3"]) -> Float32[Array, "T N 3"]:
-        """How the observed points move [m]; `otherwise` should the simulation break under a violent hand."""
+    def roll(self, stuffs: Sequence[_Stuff], otherwise: Float32[Array, "T N 3"]) -> Float32[Array, "B T N 3"]:
+        """How the observed points of each move [m]; `otherwise` should a simulation break under its hand."""
         controls = torch.as_tensor(self.seen.controllers) if self.seen.controllers.shape[1] else None
         with torch.no_grad(), warnings.catch_warnings():
             warnings.simplefilter("ignore", StabilityWarning)
             try:
-                points = self._simulator(stuff).rollout(None, controls, times=self.seen.times).points
+                points = self._simulator(stuffs).rollout(None, controls, times=self.seen.times).points
             except SimulationDiverged:
-                return otherwise
-            return observed(self.anchors, points).numpy().astype(np.float32)
+                return np.repeat(otherwise[None], len(stuffs), axis=0)
+            moved = observed(self.anchors, points).numpy().astype(np.float32)
+        return np.ascontiguousarray(moved.swapaxes(0, 1))
 
-    def _simulator(self, stuff: _Stuff) -> Simulator:
+    def _simulator(self, stuffs: Sequence[_Stuff]) -> Simulator:
+        """All of them in one, side by side as a batch."""
         topology, seen = self.topology, self.seen
-        stiffness = self._stiffness(stuff.log_modulus)
-        dashpot, drag, friction, logit = stuff.values
+        stiffness = np.stack([self._stiffness(stuff.log_modulus) for stuff in stuffs])
+        values = np.stack([stuff.values for stuff in stuffs])
+        dashpot, drag, friction = (np.exp(values[:, column, None]) for column in range(3))
         return build_simulator(
             points=topology.points,
             mass=topology.mass,
@@ -186,12 +183,12 @@ class _Bench:
             stiffness=stiffness,
             controller_springs=topology.controller_springs,
             controller_rest_length=topology.controller_rest_length,
-            controller_stiffness=grip_stiffness(topology, stiffness),
+            controller_stiffness=np.stack([grip_stiffness(topology, each) for each in stiffness]),
             controller_points=topology.controller_points,
-            dashpot_damping=float(np.exp(dashpot)),
-            drag_rate=float(np.exp(drag)),
-            friction=float(np.exp(friction)),
-            restitution=float(1.0 / (1.0 + np.exp(-logit))),
+            dashpot_damping=dashpot,
+            drag_rate=drag,
+            friction=friction,
+            restitution=1.0 / (1.0 + np.exp(-values[:, 3, None])),
             gravity=seen.gravity,
             ground_height=seen.ground_height,
         )
