@@ -55,10 +55,9 @@ def graph(case: Case, chosen: Int[Array, " n"], neighbours: int) -> Particles:
     own = np.stack([np.repeat(np.arange(count), wanted), index.ravel()], axis=1)
     own = np.unique(np.sort(own[own[:, 0] != own[:, 1]], axis=1), axis=0)
     held = case.topology.controller_points
-    near = tree.query(held, min(neighbours, count))[1].reshape(len(held), -1)
-    grips = np.stack(
-        [count + np.repeat(np.arange(len(held)), near.shape[1]), near.ravel().astype(np.int64)], axis=1
-    )
+    most = min(neighbours, count)
+    near = tree.query(held, most)[1].reshape(len(held), most)
+    grips = np.stack([count + np.repeat(np.arange(len(held)), most), near.ravel().astype(np.int64)], axis=1)
     pairs = np.concatenate([own, own[:, ::-1], grips])
     return Particles(
         rest=torch.as_tensor(np.concatenate([points, held])),

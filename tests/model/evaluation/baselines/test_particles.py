@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from model.evaluation.baselines.particles import choose, followed, graph
@@ -46,3 +48,16 @@ def test_particles_follow_what_was_seen_of_them(make_case):
     seen = [frame for frame in range(case.split) if frame != 5]
     assert np.allclose(tracks[seen], (rest + offset[: case.split])[seen], atol=1e-6)
     assert np.array_equal(tracks[5], tracks[4])
+
+
+def test_an_object_that_nothing_holds_is_a_graph_too(make_case):
+    case = make_case(frames=6)
+    free = replace(
+        case.topology,
+        controller_points=case.topology.controller_points[:0],
+        controller_springs=case.topology.controller_springs[:0],
+        controller_rest_length=case.topology.controller_rest_length[:0],
+    )
+    seen = replace(case.observation, controllers=case.observation.controllers[:, :0])
+    particles = graph(replace(case, topology=free, observation=seen), choose(case, 30), 5)
+    assert len(particles.rest) == particles.count == 30
