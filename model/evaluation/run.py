@@ -2,15 +2,14 @@
 
 import hashlib
 import json
-import multiprocessing
-import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from model.crew import crew
 from model.errors import InputError
 from model.evaluation.baselines.base import Method
 from model.evaluation.lpips import Lpips
@@ -153,20 +152,13 @@ def _each(jobs: Sequence[_Job], workers: int) -> Iterator[Record]:
     if workers == 1:
         yield from map(_measure, jobs)
         return
-    # Forked children would inherit torch's threads in a state of their own.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+    with crew(workers) as pool:
         waiting = [pool.submit(_measure, job) for job in jobs]
         try:
             for future in as_completed(waiting):
                 yield future.result()
         finally:
             pool.shutdown(cancel_futures=True)
-
-
-def _one_thread() -> None:
-    """Before torch is imported: the processes share the cores."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def _measure(job: _Job) -> Record:

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 from model.errors import InputError
@@ -22,6 +24,12 @@ def test_every_method_has_a_name_of_its_own():
     assert len(set(names)) == len(names) == len(ALL_METHODS) + 1
     for method in ALL_METHODS:
         assert list(chosen(method.name)) == [method.name]
+
+
+def test_the_page_names_every_method():
+    page = Path(__file__).resolve().parents[3] / "docs" / "evaluation.md"
+    for method in ALL_METHODS:
+        assert f"| `{method.name}` |" in page.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(
