@@ -35,8 +35,6 @@ BARE = 0.5
 SLEEVES = (
     (0.20, 0.22, 0.30), (0.46, 0.46, 0.48), (0.80, 0.79, 0.76), (0.16, 0.26, 0.20), (0.36, 0.11, 0.14),
 )  # fmt: skip
-WRIST = 0.357
-"""Where the sleeve begins, from the fingertips [m]."""
 
 
 @dataclass(frozen=True)
@@ -102,11 +100,11 @@ def hands_of(
 def _dressed(plain: Coat, rng: np.random.Generator) -> Coat:
     """Somebody's skin, and their sleeve, unless it is pushed up."""
     skin = SKIN * SKINS[int(rng.integers(len(SKINS)))]
-    dye = skin if rng.random() < BARE else np.array(SLEEVES[int(rng.integers(len(SLEEVES)))])
+    bare, dye = rng.random() < BARE, np.array(SLEEVES[int(rng.integers(len(SLEEVES)))])
     colors = plain.gaussians.colors.astype(np.float64)
-    covered = np.linalg.norm(plain.gaussians.means, axis=1, keepdims=True) > WRIST
+    covered = colors[:, 2:] > colors[:, :1]  # the hand's own sleeve is blue
     folds = colors.mean(axis=1, keepdims=True) / SLEEVE.mean()
-    worn = np.where(covered, folds * dye, colors * (skin / SKIN))
+    worn = np.where(covered, skin if bare else folds * dye, colors * (skin / SKIN))
     return Coat(replace(plain.gaussians, colors=np.clip(worn, 0, 1).astype(np.float32)), plain.normals)
 
 
