@@ -38,6 +38,7 @@ QUIET = (
     ".*Checkpoint directory .* exists and is not empty.*",
     ".*LeafSpec.*",  # Lightning and torch between themselves
     ".*callbacks used to create the checkpoint.*",
+    ".*could not find the monitored key.*",  # before the first validation
 )
 
 
@@ -167,6 +168,7 @@ class TrainingCLI(LightningCLI):
                     filename="best",
                     monitor=BEST,
                     save_last=True,
+                    save_on_train_epoch_end=True,
                     enable_version_counter=False,
                 ),
                 LearningRateMonitor("epoch"),

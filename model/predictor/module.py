@@ -125,9 +125,9 @@ class PredictorModule(LightningModule):
         data: Any = self.trainer.datamodule  # type: ignore[attr-defined]
         self.network.standardise([sample.to(self.device) for sample in data.typical()])
 
-    def on_train_epoch_start(self) -> None:
-        """Dropout depends on the epoch, not on what was drawn before it."""
-        lot = np.random.SeedSequence((self.seed, self.current_epoch, self.global_rank))
+    def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
+        """Dropout depends on epoch and batch, not on what was drawn before."""
+        lot = np.random.SeedSequence((self.seed, self.current_epoch, batch_idx, self.global_rank))
         torch.manual_seed(int(lot.generate_state(1)[0]))
 
     def training_step(self, batch: Batch, batch_idx: int) -> Tensor:

@@ -1,0 +1,177 @@
+"""The commands, run as a user would; every configuration that is shipped really trains."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import yaml
+
+from model.predictor.checkpoint import load_predictor
+from model.predictor.main import main
+from model.predictor.module import PredictorModule
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+ABLATIONS = sorted(path.stem for path in CONFIGS.glob("without_*.yaml"))
+SMALL = [
+    *("--data.objects=0", "--data.batch_size=2", "--data.workers=1", "--data.validation_share=0.4"),
+    *("--model.rollouts.warm_up=0", "--model.rollouts.per_batch=1", "--model.rollouts.first_horizon=3"),
+    *(
+        "--model.rollouts.last_horizon=4",
+        "--model.rollouts.validated=1",
+        "--trainer.enable_progress_bar=false",
+    ),
+    *("--trainer.enable_model_summary=false", "--trainer.accelerator=cpu"),
+]
+
+
+def fit(folder, out, *arguments, configs=("quick",), epochs=1):
+    """Train with shipped configurations on a few cases."""
+    given = [f"--config={CONFIGS / name}.yaml" for name in configs]
+    return main(
+        [
+            *("fit", *given, f"--data.folder={folder}", f"--out={out}", *SMALL),
+            *(f"--trainer.max_epochs={epochs}", "--trainer.check_val_every_n_epoch=1", *arguments),
+        ]
+    )
+
+
+def figures(run):
+    """Last value of each column of the log."""
+    found = {}
+    with (run / "metrics.csv").open() as file:
+        for row in csv.DictReader(file):
+            found |= {name: float(value) for name, value in row.items() if value}
+    return found
+
+
+@pytest.fixture(scope="session")
+def trained(case_folder, tmp_path_factory):
+    """A run of two epochs of the quick configuration."""
+    out = tmp_path_factory.mktemp("trained")
+    assert fit(case_folder, out, epochs=2) == 0
+    return out / "run-0"
+
+
+def test_training_leaves_logs_checkpoints_a_predictor_and_its_card(trained):
+    for name in ("metrics.csv", "config.yaml", "checkpoints/best.ckpt", "checkpoints/last.ckpt"):
+        assert (trained / name).is_file()
+    assert list(trained.glob("events.out.tfevents.*"))
+    found = figures(trained)
+    for name in ("train/loss", "train/track", "train/chamfer", "train/prior", "train/parts", "val/loss"):
+        assert np.isfinite(found[name]), name
+    known = load_predictor(trained / "predictor.safetensors")
+    assert known.about.encoder == "kinematic"
+    assert known.about.data["cases"] == 5
+    assert known.about.training["epochs"] == 2
+    assert yaml.safe_load(known.about.config)["trainer"]["max_epochs"] == 2
+    assert "held-out" in (trained / "predictor.md").read_text()
+
+
+@pytest.mark.parametrize("name", ["default", "quick", *ABLATIONS])
+def test_every_configuration_trains_two_steps(name, case_folder, tmp_path):
+    configs = ("default", name) if name.startswith("without") else (name,)
+    small = ["--model.network.dim=16", "--model.network.layers=1"]
+    assert fit(case_folder, tmp_path, "--trainer.max_steps=2", *small, configs=configs) == 0
+    options = load_predictor(tmp_path / "run-0" / "predictor.safetensors").options
+    switched_off = [n for n in ("codebook", "parts", "motion", "geometry") if not getattr(options, n)]
+    assert switched_off == [n for n in (name.removeprefix("without_"),) if hasattr(options, n)]
+    text = yaml.safe_load((tmp_path / "run-0" / "config.yaml").read_text())
+    assert (text["model"]["weights"]["prior"] == 0.0) == (name == "without_prior_loss")
+
+
+def test_training_goes_on_as_if_it_had_not_stopped(case_folder, tmp_path, monkeypatch):
+    whole, halves = tmp_path / "whole", tmp_path / "halves"
+    step = PredictorModule.training_step
+
+    def crash(module, batch, batch_idx):
+        if module.current_epoch == 2:
+            raise RuntimeError("the power is cut")
+        return step(module, batch, batch_idx)
+
+    assert fit(case_folder, whole, epochs=3) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(PredictorModule, "training_step", crash)
+        assert fit(case_folder, halves, epochs=3) == 1
+    last = halves / "run-0" / "checkpoints" / "last.ckpt"
+    assert torch.load(last, weights_only=True)["global_step"] == 4
+    assert fit(case_folder, halves, f"--ckpt_path={last}", epochs=3) == 0
+    assert (halves / "run-1" / "metrics.csv").is_file()
+    assert not (halves / "run-1" / "checkpoints").exists()
+    ends = [
+        torch.load(out / "run-0" / "checkpoints" / "last.ckpt", weights_only=True)["state_dict"]
+        for out in (whole, halves)
+    ]
+    for name, value in ends[0].items():
+        torch.testing.assert_close(ends[1][name], value, rtol=0.0, atol=0.0, msg=name)
+
+
+def test_validate_and_test_judge_what_was_trained(trained, case_folder, tmp_path, capsys):
+    common = [
+        f"--config={CONFIGS / 'quick.yaml'}",
+        f"--data.folder={case_folder}",
+        f"--out={tmp_path}",
+        *SMALL,
+    ]
+    best = trained / "checkpoints" / "best.ckpt"
+    assert main(["validate", *common, f"--ckpt_path={best}"]) == 0
+    assert "val/loss" in capsys.readouterr().out
+    assert main(["test", *common, f"--model.start={trained / 'predictor.safetensors'}"]) == 0
+    out = capsys.readouterr().out
+    assert "test/future" in out
+    assert "test/log_error_right" in out
+
+
+def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path):
+    start = f"--model.start={trained / 'predictor.safetensors'}"
+    common = [f"--config={CONFIGS / 'quick.yaml'}", f"--data.folder={case_folder}", *SMALL]
+    assert main(["predict", *common, f"--out={tmp_path}", start]) == 0
+    written = sorted(path.stem for path in tmp_path.glob("*.npz"))
+    assert written == sorted(path.name.removesuffix(".case.npz") for path in case_folder.glob("*.case.npz"))
+    text = json.loads((tmp_path / f"{written[0]}.json").read_text())
+    assert set(text["parameters"]) >= {"dashpot_damping", "drag_rate", "friction", "restitution"}
+    assert text["parameters"]["friction"]["source"] == "predicted"
+    arrays = np.load(tmp_path / f"{written[0]}.npz")
+    assert (arrays["stiffness"] > 0.0).all()
+    assert len(text["parts"]) == len(arrays["part_log_modulus"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["fit", "--model.network.dims=3"], "dims"),
+        (["fit", "--trainer.max_epochs=many"], "max_epochs"),
+        (["fit", "--data.folder=nowhere", "--data.objects=0"], "nowhere"),
+        (["fit", "--config=nowhere.yaml"], "nowhere.yaml"),
+        (["validate", "--ckpt_path=nowhere.ckpt"], "nowhere.ckpt"),
+        (["predict", "--model.start=nowhere.safetensors"], "nowhere.safetensors"),
+        (["fit", "--data.validation_share=2"], "validation_share"),
+        (["frobnicate"], "frobnicate"),
+        ([], "subcommand"),
+    ],
+)
+def test_bad_input_is_one_line_and_2(arguments, says, case_folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    given = arguments
+    if arguments and arguments[0] != "frobnicate":
+        common = [f"--data.folder={case_folder}", f"--out={tmp_path}"]
+        given = [arguments[0], f"--config={CONFIGS / 'quick.yaml'}", *common, *SMALL, *arguments[1:]]
+    assert main(given) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("matphys:")]
+    assert len(lines) == 1
+    assert says in lines[0]
+
+
+def test_an_unknown_key_of_a_configuration_is_named(tmp_path, case_folder, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"data:\n  folder: {case_folder}\n  batchsize: 3\n")
+    assert main(["fit", f"--config={path}"]) == 2
+    assert "batchsize" in capsys.readouterr().err
+
+
+def test_it_does_not_start_from_another_network(trained, case_folder, tmp_path, capsys):
+    start = f"--model.start={trained / 'predictor.safetensors'}"
+    assert fit(case_folder, tmp_path, start, "--model.network.dim=48") == 2
+    assert "other options" in capsys.readouterr().err
