@@ -7,6 +7,9 @@ from contextlib import contextmanager
 
 import click
 
+SILENCE = 20.0
+"""Longest time [s] without a line, while work is reported."""
+
 StageReport = Callable[[str, float], None]
 """Called with the stage at work and the share of the whole that is done, 0..1."""
 
@@ -24,17 +27,17 @@ def progress(quiet: bool) -> Iterator[StageReport]:
 
 
 class _Lines:
-    """One line at the start of each stage, with the time since the work began."""
+    """One line at the start of each stage and now and then in a long one, with the time since all began."""
 
     def __init__(self) -> None:
         self._started = time.perf_counter()
-        self._stage = ""
+        self._stage, self._said = "", 0.0
 
     def __call__(self, stage: str, share: float) -> None:
-        if stage != self._stage:
-            elapsed = time.perf_counter() - self._started
+        elapsed = time.perf_counter() - self._started
+        if stage != self._stage or elapsed - self._said >= SILENCE:
             click.echo(f"{elapsed:6.1f} s  {share:4.0%}  {stage}", err=True)
-            self._stage = stage
+            self._stage, self._said = stage, elapsed
 
 
 @contextmanager
