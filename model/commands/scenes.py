@@ -4,7 +4,8 @@ from pathlib import Path
 
 import click
 
-from model.commands.common import print_json
+from model.commands.common import print_json, warn
+from model.doubts import collect_doubts
 from model.progress import progress
 
 KINDS = ("plush", "cloth", "rope", "foam", "bag", "mixed")
@@ -45,10 +46,11 @@ def scenes(
     from model.scenes.world.shapes import CLASSES
 
     classes = tuple(kind for kind in CLASSES if kind in kinds) if kinds else CLASSES
-    with progress(quiet) as report:
+    with collect_doubts() as doubts, progress(quiet) as report:
         index = generate(
             folder, count, seed, workers=workers, classes=classes, first=first, films=video, report=report
         )
+    warn(doubts)
     if as_json:
         print_json(index.model_dump(by_alias=True))
     elif not quiet:

@@ -58,7 +58,9 @@ def generate(
         raise InputError(f"cannot write {folder}: {(error.strerror or str(error)).lower()}") from None
     task = partial(_make, folder, seed, classes, interactions, films)
     report("scenes", 0.0)
-    for done, _ in enumerate(_in_processes(task, range(first, first + count), workers), start=1):
+    for done, trouble in enumerate(_in_processes(task, range(first, first + count), workers), start=1):
+        if trouble:
+            warnings.warn(trouble, stacklevel=2)
         report("scenes", done / (count + 1))
     index = write_index(folder, seed)
     report("done", 1.0)
@@ -72,8 +74,8 @@ def _make(
     interactions: int | None,
     films: bool,
     number: int,
-) -> int:
-    """One object's cases, as files; how many. A world that diverges is left out, and said."""
+) -> str:
+    """One object's cases, as files. A world that diverges is left out; returns what to say of it, if so."""
     from model.scenes.world.cases import draw_cases
     from model.simulator.divergence import SimulationDiverged
 
@@ -81,8 +83,7 @@ def _make(
         with _one_thread():
             cases = draw_cases(seed, number, classes[number % len(classes)], interactions)
     except SimulationDiverged as error:
-        warnings.warn(f"object {number} of seed {seed} is left out: {error}", stacklevel=2)
-        return 0
+        return f"object {number} of seed {seed} is left out: {error}"
     for case in cases:
         save_case(case, folder / f"{case.name}{SUFFIX}")
         if films:
@@ -90,7 +91,7 @@ def _make(
 
             with _one_thread():
                 film_case(case, folder / FILMS / case.name, seed=seed)
-    return len(cases)
+    return ""
 
 
 @contextmanager
@@ -106,14 +107,14 @@ def _one_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
-def _in_processes(task: "partial[int]", numbers: range, workers: int) -> Iterator[int]:
+def _in_processes(task: "partial[str]", numbers: range, workers: int) -> Iterator[str]:
     """Results as they come; an interruption stops what has not begun."""
     if workers == 1:
         yield from map(task, numbers)
         return
     # spawned: a fork of a process that has used torch may hang
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        left, waiting = iter(numbers), set[Future[int]]()
+        left, waiting = iter(numbers), set[Future[str]]()
         try:
             while True:
                 for number in left:

@@ -137,7 +137,8 @@ def _surface(thing: Thing, moved: Float32[Array, "T P 3"]) -> Surface:
     places, first, second = (observed(anchors, points).numpy() for anchors in thing.world_anchors)
     normals = np.cross(first - places, second - places)
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-12)
-    return Surface(places.astype(np.float32), normals.astype(np.float32), thing.spacing)
+    thin = thing.shape.shape_class == "rope"
+    return Surface(places.astype(np.float32), normals.astype(np.float32), thing.spacing, thin)
 
 
 def _posed(topology: Topology, script: Script) -> Topology:

@@ -156,16 +156,17 @@ def _stretch(handled: Handled, times: Float64[Array, " T"], rng: np.random.Gener
 
 
 def _fold(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
-    """A hand takes an end and brings it over the object towards the other end."""
+    """A hand takes an end and brings it over the object towards the other end; of a solid, only so far."""
     posed = _lying(handled, times, rng)
     place, other = _far_apart(posed.grips)[:: int(rng.choice([-1, 1]))]
     over = (other - place) * (1.0, 1.0, 0.0)
     length = max(float(np.linalg.norm(over)), 0.05)
     over = over / length
+    bend = rng.uniform(0.3, 0.55) if handled.solid else 1.0
     target = length * rng.uniform(0.55, 0.9)
     begin = rng.uniform(0.05, 0.2)
     share = _ease(times, begin, begin + rng.uniform(0.9, 1.4))
-    angle = np.pi * share
+    angle = bend * np.pi * share
     rise = target / 2.0 * rng.uniform(0.8, 1.1)
     way = np.outer(target / 2.0 * (1.0 - np.cos(angle)), over)
     way += np.outer(rise * np.sin(angle) + 0.02 * share, [0.0, 0.0, 1.0])

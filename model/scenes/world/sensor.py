@@ -1,7 +1,7 @@
 """What is seen of a motion: cameras, what hides what, noise, lost tracks, and depth that one view lacks."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -48,6 +48,8 @@ class Surface:
     """Outward unit vectors."""
     spacing: float
     """Between neighbouring places at rest [m]."""
+    thin: bool = False
+    """A cord: a tracker holds on to it whichever side it shows."""
 
 
 def place_cameras(places: Float[Array, "T M 3"], count: int, rng: np.random.Generator) -> tuple[Camera, ...]:
@@ -70,7 +72,7 @@ def look(
     surface: Surface, hands: Float64[Array, "T H 3"], count: int, rng: np.random.Generator
 ) -> tuple[Camera, ...]:
     """Cameras that see enough of the object in the first frame: of a few drawn, the best if none does."""
-    first = Surface(surface.places[:1], surface.normals[:1], surface.spacing)
+    first = replace(surface, places=surface.places[:1], normals=surface.normals[:1])
     best, most = tuple[Camera, ...](), -1.0
     for _ in range(VIEWS):
         cameras = place_cameras(surface.places, count, rng)
@@ -140,6 +142,7 @@ def _in_front(surface: Surface, camera: Camera) -> Bool[Array, "T M"]:
     """Which places face the camera, with nothing before them in a buffer of depths as fine as the surface."""
     ray = camera.position - surface.places
     cosine = np.einsum("tmi,tmi->tm", surface.normals, ray) / np.linalg.norm(ray, axis=2)
+    faces = (cosine > FACING) | surface.thin
     pixels, depth = camera.project(surface.places)
     focal = float(camera.intrinsics[0, 0])
     cell = max(surface.spacing * focal / float(np.median(depth)), 1.0)
@@ -156,7 +159,7 @@ def _in_front(surface: Surface, camera: Camera) -> Bool[Array, "T M"]:
     nearest[:, 1:-1, 1:-1] = np.minimum(nearest[:, 1:-1, 1:-1], np.minimum(across, upright))
     front = nearest[frame, place[..., 1], place[..., 0]]
     slack = BEHIND * surface.spacing / np.maximum(cosine, FACING)
-    return np.asarray(within & (cosine > FACING) & (depth <= front + slack))
+    return np.asarray(within & faces & (depth <= front + slack))
 
 
 def _behind_hand(surface: Surface, hands: Float64[Array, "T H 3"], camera: Camera) -> Bool[Array, "T M"]:

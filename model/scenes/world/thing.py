@@ -44,7 +44,7 @@ FEWEST = 5
 """Mass points that every part has."""
 TANGENT = 0.004
 """How far the points lie that say how a surface has turned [m]."""
-BEARING = 8.0
+BEARING = 12.0
 """Least modulus of a part over the object's weight on its mean section."""
 OPACITY = 0.95
 KNOWN = 0.05

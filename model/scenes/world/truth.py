@@ -22,7 +22,8 @@ MARGIN = 1.2
 """Of the stability bound, as the simulator takes it."""
 GIVING = 1.2
 """How much stiffer the springs of the world are than their lattice's formula says: sparse graphs give where
-denser ones do not. So a twin's formula with the true modulus is right on average (benchmarks/scenes/floor.py)."""
+denser ones do not. So the formula for the twin with the true modulus is right on average
+(benchmarks/scenes/floor.py)."""
 UNEVEN = 0.15
 """Standard deviation of the logarithm of the modulus within a part."""
 LIGHTEST = 0.3

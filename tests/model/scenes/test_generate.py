@@ -10,6 +10,8 @@ from model.errors import InputError
 from model.scenes import film
 from model.scenes.files import load_folder
 from model.scenes.generate import generate
+from model.scenes.world.cases import draw_cases
+from model.simulator.divergence import SimulationDiverged
 
 
 def test_the_same_files_whatever_the_number_of_processes(tmp_path):
@@ -59,3 +61,19 @@ def test_a_folder_with_cases_is_left_alone(tmp_path):
     (tmp_path / "a.case.npz").write_bytes(b"")
     with pytest.raises(InputError, match="has cases already"):
         generate(tmp_path, 1)
+
+
+def test_a_world_that_diverges_is_left_out_and_said(tmp_path, monkeypatch):
+    from model.scenes.world import cases
+
+    def diverge(seed, number, kind, interactions):
+        if number == 0:
+            raise SimulationDiverged(3, 0, "spring", 100)
+        return draw_cases(seed, number, kind, interactions)
+
+    monkeypatch.setattr(cases, "draw_cases", diverge)
+    with pytest.warns(
+        UserWarning, match="object 0 of seed 4 is left out: the simulation diverged in frame 3"
+    ):
+        index = generate(tmp_path, 2, seed=4, classes=("cloth",), interactions=1)
+    assert len(index.cases) == 1

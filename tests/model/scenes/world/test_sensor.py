@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,12 @@ def test_a_camera_sees_the_near_side_only(ball, camera):
     towards = ball.places[0, :, 0] / 0.05
     assert visible[0, towards > 0.3].mean() > 0.99
     assert not visible[0, towards < -0.05].any()
+
+
+def test_a_cord_is_followed_whichever_side_it_shows(ball, camera):
+    away = replace(ball, normals=-ball.normals, spacing=0.01)
+    assert seen(away, np.zeros((3, 0, 3)), [camera])[0].mean() < 0.3
+    assert seen(replace(away, thin=True), np.zeros((3, 0, 3)), [camera])[0].mean() > 0.4
 
 
 def test_what_is_in_front_hides_what_is_behind(ball, camera):
