@@ -36,6 +36,7 @@ METRICS = (
     Metric("lpips", "LPIPS", 1.0, 3),
 )
 COMPARED = METRICS[:2]
+PARTS = "parts: error of ln E"
 TITLES = {
     "reconstruction": "Reconstruction and resimulation",
     "future": "Future (7:3 in time)",
@@ -197,8 +198,20 @@ def _differences(of: dict[str, list[Record]], settings: Sequence[Setting]) -> Ta
             cells.append(
                 Cell(title, name, column, None if figure is None else figure.scaled(metric.factor), 2)
             )
+        ours, theirs = (_part_errors(of[each]) for each in (first, name))
+        cells.append(Cell(title, name, PARTS, mean_difference(ours, theirs), 2))
         rows.append((name, tuple(cells), ()))
-    return Table(title, columns, tuple(rows))
+    return Table(title, (*columns, PARTS), tuple(rows))
+
+
+def _part_errors(records: Iterable[Record]) -> dict[tuple[str, str], float]:
+    """Mean distance of ln E from the truth over the parts, by object and clip."""
+    found = {}
+    for record in records:
+        errors = [abs(p.log_estimate - p.log_truth) for p in record.parts if p.log_truth is not None]
+        if errors:
+            found[record.object_name, record.case] = float(np.mean(errors))
+    return found
 
 
 def _classes(of: dict[str, list[Record]], setting: Setting) -> Table:

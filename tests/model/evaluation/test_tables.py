@@ -53,6 +53,17 @@ def test_differences_are_paired(records):
     assert (track.figure.low, track.figure.value, track.figure.high) == pytest.approx((4.0, 4.0, 4.0))
 
 
+def test_stiffness_is_compared_clip_by_clip(make_record):
+    def parts(error):
+        return [PartRecord(part=0, material="fur", log_truth=1.0, log_estimate=1.0 + error, log_spread=None)]
+
+    records = [make_record("ours", name, parts=parts(-0.5)) for name in ("a", "b")]
+    records += [make_record("theirs", name, parts=parts(0.75)) for name in ("a", "b", "c")]
+    cell = table_of(tables(records, ("ours", "theirs"), ("future",)), "Worse than ours").rows[0][1][-1]
+    assert cell.column == "parts: error of ln E"
+    assert (cell.figure.value, cell.figure.objects) == (pytest.approx(0.25), 2)
+
+
 def test_objects_that_were_trained_on_are_not_unseen(make_record):
     known = make_record("ours", "a", track=1.0, known_object=True)
     new = make_record("ours", "b", track=0.001)
