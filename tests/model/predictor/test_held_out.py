@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+import torch
+
+from model.predictor.batches import Example, TrueValues, make_batch
+from model.predictor.held_out import HeldOut
+from model.predictor.objective import Judged, LossWeights
+from model.predictor.sample import Prediction
+
+
+def look(case, sample, truth, said, spread, opinion):
+    values = TrueValues(
+        torch.zeros(len(sample.edges)), torch.tensor(truth, dtype=torch.float32), torch.zeros(1, 4)
+    )
+    prediction = Prediction(
+        log_modulus=torch.zeros(len(sample.edges)),
+        log_modulus_spread=torch.ones(len(sample.edges)),
+        part_log_modulus=torch.tensor(said, dtype=torch.float32),
+        part_log_spread=torch.full((2,), spread),
+        log_controller_stiffness=sample.log_grip_anchor,
+        global_mean=sample.global_anchor,
+        global_log_spread=sample.global_spread,
+    )
+    return prediction, make_batch([Example(case, sample, values, opinion)])
+
+
+def test_figures_are_over_all_parts_of_an_opinion(make_case, sample_of):
+    case = make_case(frames=4)
+    sample, held = sample_of(case), HeldOut()
+    # right: perfect order, off by 0.5; wrong: reversed
+    for truth, said, spread, opinion, total in (
+        ((8.0, 9.0), (8.5, 9.5), 1.0, "right", 1.0),
+        ((10.0, 11.0), (10.5, 11.5), 0.1, "right", 3.0),
+        ((8.0, 9.0), (11.0, 10.0), 10.0, "wrong", 2.0),
+        ((10.0, 11.0), (9.0, 8.0), 10.0, "wrong", 2.0),
+    ):
+        held.add_beliefs(*look(case, sample, truth, said, spread, opinion), torch.tensor(total))
+    found = held.figures(LossWeights())
+    assert found["rank_right"] == pytest.approx(1.0)
+    assert found["rank_wrong"] == pytest.approx(-1.0)
+    assert found["log_error_right"] == pytest.approx(0.5, rel=1e-5)
+    assert found["coverage"] == pytest.approx(6 / 8)
+    assert found["loss"] == pytest.approx(2.0)
+    assert "future" not in found
+
+
+def test_motion_adds_to_the_loss_and_divergence_is_a_share(make_case, sample_of):
+    case, held = make_case(frames=4), HeldOut()
+    held.add_beliefs(*look(case, sample_of(case), (8, 9), (8, 9), 1.0, None), torch.tensor(1.0))
+    held.add_motion(Judged(track=0.2, chamfer=0.4, past=0.01, future=0.02))
+    held.add_motion(Judged(track=0.4, chamfer=0.4, past=0.01, future=float("nan")))
+    held.add_motion(None)
+    found = held.figures(LossWeights(track=2.0, chamfer=0.5))
+    assert found["loss"] == pytest.approx(1.0 + 2.0 * 0.3 + 0.5 * 0.4)
+    assert found["diverged"] == pytest.approx(1 / 3)
+    assert found["future"] == pytest.approx(0.02)
+    assert held.rolled == 3
+    assert np.isfinite(list(found.values())).all()
