@@ -2,12 +2,12 @@
 
 import warnings
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
+from model.crew import crew
 from model.errors import InputError
 from model.progress import StageReport
 from model.scenes.case import ObjectClass
@@ -112,8 +112,7 @@ def _in_processes(task: "partial[str]", numbers: range, workers: int) -> Iterato
     if workers == 1:
         yield from map(task, numbers)
         return
-    # spawned: a fork of a process that has used torch may hang
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with crew(workers) as pool:
         left, waiting = iter(numbers), set[Future[str]]()
         try:
             while True:
