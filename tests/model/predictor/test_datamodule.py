@@ -1,0 +1,165 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import torch
+
+from model.encoders.kinematic import KinematicEncoder
+from model.errors import InputError
+from model.predictor.datamodule import CaseDataModule, Draws, Look, Opinions, split_objects
+from model.predictor.motion_store import STORE, read_motion, store_motion
+from model.scenes.files import IndexEntry, load_case, read_index, save_case
+
+
+def entries(**classes):
+    return [
+        IndexEntry(
+            file=f"{kind}-{number}-{act}.case.npz",
+            sha256="",
+            object_name=f"{kind}-{number}",
+            object_class=kind,
+            interaction=act,
+        )
+        for kind, count in classes.items()
+        for number in range(count)
+        for act in ("lift", "push", "drop")
+    ]
+
+
+def test_objects_are_split_not_cases_and_every_class_is_held_out():
+    train, held = split_objects(entries(plush=10, rope=7, bag=2), 0.2, seed=0)
+    names = [{entry.object_name for entry in part} for part in (train, held)]
+    assert not names[0] & names[1]
+    assert len(train) + len(held) == 57
+    counts = {kind: sum(name.startswith(kind) for name in names[1]) for kind in ("plush", "rope", "bag")}
+    assert counts == {"plush": 2, "rope": 1, "bag": 1}
+    assert split_objects(entries(plush=10, rope=7, bag=2), 0.2, seed=0) == (train, held)
+    assert split_objects(entries(plush=10, rope=7, bag=2), 0.2, seed=1) != (train, held)
+
+
+def test_classes_of_one_object_each_still_leave_one_to_hold_out():
+    train, held = split_objects(entries(plush=1, rope=1, bag=1), 0.2, seed=0)
+    assert len({entry.object_name for entry in held}) == 1
+    assert len({entry.object_name for entry in train}) == 2
+    with pytest.raises(InputError, match="at least 2"):
+        split_objects(entries(plush=1), 0.2, seed=0)
+
+
+def test_draws_are_every_case_once_and_follow_from_seed_and_epoch():
+    draws = Draws(20, Opinions(), seed=3)
+    first = list(draws)
+    draws.set_epoch(1)
+    second = list(draws)
+    assert sorted(look.index for look in first) == sorted(look.index for look in second) == list(range(20))
+    assert [look.index for look in first] != [look.index for look in second]
+    again = Draws(20, Opinions(), seed=3)
+    again.set_epoch(1)
+    assert list(again) == second
+    assert {look.opinion for look in Draws(20, Opinions(0.0, 0.0, 1.0), seed=3)} == {"wrong"}
+
+
+def test_processes_share_the_draws_evenly():
+    ranks = [list(Draws(7, Opinions(), seed=0, rank=rank, ranks=2)) for rank in (0, 1)]
+    assert [len(own) for own in ranks] == [4, 4]
+    assert {look.index for own in ranks for look in own} == set(range(7))
+
+
+@dataclass
+class Place:
+    global_rank: int
+    world_size: int
+
+
+def test_validation_has_every_case_under_every_opinion_the_same_in_every_run(case_folder):
+    data = CaseDataModule(case_folder, validation_share=0.4, batch_size=2)
+    data.prepare_data()
+    data.setup("fit")
+    looks = data.fixed_looks()
+    assert sorted((look.index, look.opinion) for look in looks) == sorted(
+        (index, opinion) for index in (0, 1) for opinion in ("right", "uniform", "wrong")
+    )
+    assert len({look.opinion for look in looks[:2]}) == 2
+    batches = list(data.val_dataloader())
+    assert [len(batch) for batch in batches] == [2, 2, 2]
+    again = list(data.val_dataloader())
+    torch.testing.assert_close(again[0].sample.distribution, batches[0].sample.distribution)
+    seen = {example.case.object_name for batch in batches for example in batch.examples}
+    trained = {example.case.object_name for batch in data.train_dataloader() for example in batch.examples}
+    assert not seen & trained
+    assert len(seen | trained) == 5
+    stored = [example for batch in data.predict_dataloader() for example in batch.examples]
+    assert all(example.opinion is None for example in stored)
+
+
+def test_an_example_depends_on_its_look_alone(case_folder):
+    data = CaseDataModule(case_folder, validation_share=0.4)
+    data.prepare_data()
+    data.setup("fit")
+    dataset = data.train_dataloader().dataset
+    look = Look(1, "wrong", (5, 0, 1))
+    first, _, second = dataset[look], dataset[Look(0, "right", (1,))], dataset[look]
+    for (name, one), (_, other) in zip(first.sample.tensors(), second.sample.tensors(), strict=True):
+        torch.testing.assert_close(one, other, rtol=0, atol=0, msg=name)
+    uniform = dataset[Look(1, "uniform", ())].sample.distribution
+    np.testing.assert_allclose(uniform, 0.1)
+
+
+def test_a_share_that_is_none_is_refused(case_folder):
+    with pytest.raises(InputError, match="validation_share"):
+        CaseDataModule(case_folder, validation_share=1.0)
+
+
+class Counting(KinematicEncoder):
+    """Counts how often it is asked."""
+
+    name = "counting"
+    asked = 0
+
+    def forward(self, clip):
+        type(self).asked += 1
+        return super().forward(clip)
+
+
+def test_motion_is_described_once_and_again_when_the_case_changes(make_case, tmp_path):
+    path = tmp_path / "one.case.npz"
+    save_case(make_case(seed=1, frames=8), path)
+    Counting.asked = 0
+    for _ in range(2):
+        store_motion([path], Counting())
+    assert Counting.asked == 1
+    first = read_motion(path, Counting())
+    assert first.points.shape == (72, Counting().dim)
+    save_case(make_case(seed=2, frames=8), path)
+    store_motion([path], Counting())
+    assert Counting.asked == 2
+    assert not np.array_equal(read_motion(path, Counting()).whole, first.whole)
+
+
+def test_motion_of_the_frames_from_the_split_on_is_not_described(make_case, tmp_path):
+    from dataclasses import replace
+
+    from model.predictor.motion_store import describe_case
+
+    case = make_case(frames=12)
+    spoilt = case.observation.points.copy()
+    spoilt[case.split :] = 7.0
+    other = replace(case, observation=replace(case.observation, points=spoilt))
+    found = [describe_case(one, KinematicEncoder()) for one in (case, other)]
+    np.testing.assert_array_equal(found[0].points, found[1].points)
+    np.testing.assert_array_equal(found[0].whole, found[1].whole)
+
+
+def test_several_processes_describe_what_one_does(case_folder, tmp_path):
+    encoder, paths = KinematicEncoder(), []
+    for path in read_index(case_folder)[:2]:
+        paths.append(tmp_path / path.name)
+        save_case(load_case(path), paths[-1])
+    reports = []
+    store_motion(paths, encoder, workers=2, progress=lambda stage, share: reports.append(share))
+    assert reports == [0.5, 1.0]
+    found = [read_motion(path, encoder) for path in paths]
+    for kept in (tmp_path / STORE).rglob("*.npz"):
+        kept.unlink()
+    store_motion(paths, encoder)
+    for one, path in zip(found, paths, strict=True):
+        np.testing.assert_allclose(one.points, read_motion(path, encoder).points, atol=1e-5)
