@@ -119,7 +119,8 @@ def test_gradients_say_where_the_loss_goes(dropped, sample_of, monkeypatch):
         shift[0, column] = step
         with torch.no_grad():
             up, down = (
-                loss(replace(prediction, global_mean=prediction.global_mean + sign * shift)) for sign in (1, -1)
+                loss(replace(prediction, global_mean=prediction.global_mean + sign * shift))
+                for sign in (1, -1)
             )
         measured = float(up - down) / (2 * step)
         assert float(prediction.global_mean.grad[0, column]) == pytest.approx(measured, rel=0.05, abs=2e-4)
