@@ -7,17 +7,14 @@ from jaxtyping import Bool, Float64
 
 from model.types import Array
 
-NOISE = 1e-3
-"""Usual error of a measured place [m]."""
-NOISE_ALIKE, REST_ALIKE = 10.0, 1000.0
-"""Measurements that err alike and so count as one: few by their noise; many where a twin cannot follow, which
-spoils all points and frames around in the same way."""
+ALIKE = 40.0
+"""Measurements that err alike: what a twin cannot follow spoils many points and frames in the same way."""
+NOISE = 5e-4
+"""Errors below which nothing is told apart [m]."""
 FAR = 3.0
 """Residuals count less from this multiple of their usual size on: lost tracks."""
 PASSES = 3
-MEDIAN = 2.366
-"""Of the sum of three squares of standard normal numbers."""
-BEFORE = (2.0, 1.0, 1.0, 0.6, 0.8)
+BEFORE = (2.0, 1.2, 1.2, 0.7, 1.0)
 """Spreads of constants around those of a twin of reference, before anything is seen: of the modulus of a
 part, then of dashpot, drag, friction (ln) and restitution (logit)."""
 
@@ -47,7 +44,7 @@ def explain(
     r"""Most probable changes $\theta$ of constants with $r \approx J\theta$.
 
     $\theta$ is normal around 0 with spreads `before`, errors are normal with the size that the residuals turn
-    out to have, many of them counting as one (`REST_ALIKE`); outliers are weighted down (Cauchy).
+    out to have, `ALIKE` of them counting as one; outliers are weighted down (Cauchy).
 
     Args:
         residual: Seen minus simulated [m]; 0 where not known.
@@ -65,10 +62,10 @@ def explain(
     for _ in range(PASSES):
         left = residual - np.tensordot(change, response, axes=1)
         square = (left**2).sum(axis=-1)
-        variance = max(float(np.median(square[known])) / MEDIAN, NOISE**2)
+        variance = max(float((weight * square).sum() / (3.0 * weight.sum())), NOISE**2)
         weight = known / (1.0 + square / (3.0 * FAR**2 * variance))
         weighted = (response * weight[..., None]).reshape(len(before), -1)
-        scale = 1.0 / (NOISE_ALIKE * NOISE**2 + REST_ALIKE * (variance - NOISE**2))
+        scale = 1.0 / (ALIKE * variance)
         precision = scale * weighted @ response.reshape(len(before), -1).T + np.diag(before**-2.0)
         covariance = np.linalg.inv(precision)
         change = scale * covariance @ (weighted @ residual.reshape(-1))
