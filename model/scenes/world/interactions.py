@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from model.scenes.case import Interaction
 from model.scenes.world.body import spread
+from model.scenes.world.moves import direction, ease, rise, sway, turn, upright
 from model.types import Array
 
 FPS = 30.0
@@ -96,20 +97,20 @@ def _lift(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generato
     """One hand takes an end, raises it and sways."""
     posed = _lying(handled, times, rng)
     place = posed.grips[rng.integers(len(posed.grips))]
-    way = _rise(times, rng.uniform(0.5, 1.0) * posed.size() + 0.03, rng) + _sway(times, 0.05, rng)
-    return _script(posed, [(place, way, _turn(times, 0.35, rng))], rng)
+    way = rise(times, rng.uniform(0.5, 1.0) * posed.size() + 0.03, rng) + sway(times, 0.05, rng)
+    return _script(posed, [(place, way, turn(times, 0.35, rng))], rng)
 
 
 def _double_lift(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
     """Two hands take two ends and raise them, one a little more than the other, coming closer."""
     posed = _lying(handled, times, rng)
     first, second = _far_apart(posed.grips)
-    height, sway = rng.uniform(0.35, 0.8) * posed.size() + 0.03, _sway(times, 0.03, rng)
+    height, swing = rng.uniform(0.35, 0.8) * posed.size() + 0.03, sway(times, 0.03, rng)
     begin = rng.uniform(0.05, 0.2)
-    closer = rng.uniform(0.0, 0.35) * _ease(times, begin, begin + 1.0)[:, None] * (second - first) / 2.0
+    closer = rng.uniform(0.0, 0.35) * ease(times, begin, begin + 1.0)[:, None] * (second - first) / 2.0
     moves = [
-        (first, _rise(times, height, rng) + sway + closer, _turn(times, 0.2, rng)),
-        (second, _rise(times, height * rng.uniform(0.75, 1.0), rng) + sway - closer, _turn(times, 0.2, rng)),
+        (first, rise(times, height, rng) + swing + closer, turn(times, 0.2, rng)),
+        (second, rise(times, height * rng.uniform(0.75, 1.0), rng) + swing - closer, turn(times, 0.2, rng)),
     ]
     return _script(posed, moves, rng)
 
@@ -117,7 +118,7 @@ def _double_lift(handled: Handled, times: Float64[Array, " T"], rng: np.random.G
 def _push(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
     """A hand presses an object down and sideways and lets it come back, or drags a cloth or cord."""
     posed = _lying(handled, times, rng)
-    sideways = _direction(rng)
+    sideways = direction(rng)
     begin, pace = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.5)
     press = np.sin(np.pi * np.clip((times - begin) / pace, 0.0, None)) ** 2
     if handled.solid:
@@ -127,16 +128,16 @@ def _push(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generato
         place = posed.surface[np.argmin((((posed.surface - place) * (1.0, 1.0, 0.2)) ** 2).sum(axis=1))]
         give = min(0.35, FORCE / (2e-3 * handled.modulus))
         depth = give * place[2]
-        slide = rng.uniform(0.02, 0.08) * _ease(times, begin, begin + rng.uniform(0.8, 1.5))
+        slide = rng.uniform(0.02, 0.08) * ease(times, begin, begin + rng.uniform(0.8, 1.5))
         way = np.outer(press, [0.0, 0.0, -depth]) + np.outer(0.7 * depth * press + slide, sideways)
     else:
         place = posed.grips[rng.integers(len(posed.grips))]
         outward = (place - posed.surface.mean(axis=0)) * (1.0, 1.0, 0.0)
         outward = outward / max(float(np.linalg.norm(outward)), 0.02)
         reach = rng.uniform(0.06, 0.15)
-        stroke = reach * (_ease(times, begin, begin + 0.6) - 0.5 * _ease(times, begin + 0.7, begin + 1.4))
+        stroke = reach * (ease(times, begin, begin + 0.6) - 0.5 * ease(times, begin + 0.7, begin + 1.4))
         way = np.outer(stroke, 0.4 * outward + 0.9 * sideways + np.array([0.0, 0.0, 0.12]))
-    return _script(posed, [(place, way, _turn(times, 0.1, rng))], rng)
+    return _script(posed, [(place, way, turn(times, 0.1, rng))], rng)
 
 
 def _stretch(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
@@ -148,7 +149,7 @@ def _stretch(handled: Handled, times: Float64[Array, " T"], rng: np.random.Gener
     begin, pace = rng.uniform(0.05, 0.2), rng.uniform(0.35, 0.6)
     pull = np.sin(np.pi * np.clip((times - begin) / (2.0 * pace), 0.0, None)) ** 2
     way = np.outer(strain * apart * pull, (second - first) / max(apart, 1e-9))
-    raised = np.outer(_ease(times, 0.0, 0.5), [0.0, 0.0, rng.uniform(0.02, 0.08)])
+    raised = np.outer(ease(times, 0.0, 0.5), [0.0, 0.0, rng.uniform(0.02, 0.08)])
     share = rng.uniform(0.0, 0.5)
     still = np.zeros((len(times), 3))
     moves = [(first, raised - share * way, still), (second, raised + (1.0 - share) * way, still)]
@@ -165,19 +166,19 @@ def _fold(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generato
     bend = rng.uniform(0.3, 0.55) if handled.solid else 1.0
     target = length * rng.uniform(0.55, 0.9)
     begin = rng.uniform(0.05, 0.2)
-    share = _ease(times, begin, begin + rng.uniform(0.9, 1.4))
+    share = ease(times, begin, begin + rng.uniform(0.9, 1.4))
     angle = bend * np.pi * share
-    rise = target / 2.0 * rng.uniform(0.8, 1.1)
+    peak = target / 2.0 * rng.uniform(0.8, 1.1)
     way = np.outer(target / 2.0 * (1.0 - np.cos(angle)), over)
-    way += np.outer(rise * np.sin(angle) + 0.02 * share, [0.0, 0.0, 1.0])
+    way += np.outer(peak * np.sin(angle) + 0.02 * share, [0.0, 0.0, 1.0])
     axis = np.cross([0.0, 0.0, 1.0], over)
-    turn = np.outer(rng.uniform(0.4, 0.8) * angle, axis)
-    return _script(posed, [(place, way, turn)], rng)
+    turned = np.outer(rng.uniform(0.4, 0.8) * angle, axis)
+    return _script(posed, [(place, way, turned)], rng)
 
 
 def _drop(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:
     """It falls, a little tilted: how it lands must not be a matter of chance."""
-    tilt = Rotation.from_rotvec(rng.uniform(0.0, 0.12 if handled.solid else 0.6) * _direction(rng))
+    tilt = Rotation.from_rotvec(rng.uniform(0.0, 0.12 if handled.solid else 0.6) * direction(rng))
     rotation = (tilt * Rotation.from_rotvec([0.0, 0.0, rng.uniform(0.0, 2.0 * np.pi)])).as_matrix()
     posed = _posed(handled, rotation, rng.uniform(0.05, 0.25), times)
     return _script(posed, [], rng)
@@ -192,14 +193,14 @@ def _shake(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generat
         posed = _posed(handled, spin.as_matrix(), lying.size() * rng.uniform(0.6, 0.9) + 0.08, times)
     else:
         up = handled.grips[which] - handled.surface.mean(axis=0)
-        swung = Rotation.from_rotvec(rng.normal(0.0, 0.1, 3)) * spin * _upright(up)
+        swung = Rotation.from_rotvec(rng.normal(0.0, 0.1, 3)) * spin * upright(up)
         posed = _posed(handled, swung.as_matrix(), rng.uniform(0.08, 0.25), times)
     place = posed.grips[which]
     rate, begin = rng.uniform(0.9, 2.2), rng.uniform(0.0, 0.4)
-    swing = np.sin(2.0 * np.pi * rate * (times - begin)) * _ease(times, begin, begin + 0.4)
-    aim = _direction(rng) + np.array([0.0, 0.0, rng.uniform(-0.8, 0.8)])
+    swing = np.sin(2.0 * np.pi * rate * (times - begin)) * ease(times, begin, begin + 0.4)
+    aim = direction(rng) + np.array([0.0, 0.0, rng.uniform(-0.8, 0.8)])
     way = np.outer(rng.uniform(0.025, 0.06) / rate**0.5 * swing, aim)
-    return _script(posed, [(place, way, _turn(times, 0.3, rng))], rng)
+    return _script(posed, [(place, way, turn(times, 0.3, rng))], rng)
 
 
 _SCRIPTS: Mapping[Interaction, Callable[[Handled, Float64[Array, " T"], np.random.Generator], Script]] = {
@@ -236,10 +237,10 @@ def _script(
 ) -> Script:
     """Hands that take the object at places, move along ways [m] and turn (rotation vectors)."""
     controllers, hands = [], []
-    for place, way, turn in moves:
+    for place, way, turned in moves:
         held = _touched(posed, place, rng)
         middle = held.mean(axis=0)
-        turns = Rotation.from_rotvec(turn).as_matrix()
+        turns = Rotation.from_rotvec(turned).as_matrix()
         moved = np.einsum("tij,cj->tci", turns, held - middle) + middle + way[:, None]
         controllers.append(moved)
         hands.append(middle + way)
@@ -268,49 +269,3 @@ def _touched(posed: _Posed, place: Float64[Array, " 3"], rng: np.random.Generato
 def _far_apart(grips: Float64[Array, "H 3"]) -> tuple[Float64[Array, " 3"], Float64[Array, " 3"]]:
     """The first place, and the one farthest from it."""
     return grips[0], grips[int(np.linalg.norm(grips - grips[0], axis=1).argmax())]
-
-
-def _ease(times: Float64[Array, " T"], begin: float, end: float) -> Float64[Array, " T"]:
-    """From 0 to 1 between two moments with the least jerk."""
-    share = np.clip((times - begin) / (end - begin), 0.0, 1.0)
-    eased: Float64[Array, " T"] = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    return eased
-
-
-def _rise(times: Float64[Array, " T"], height: float, rng: np.random.Generator) -> Float64[Array, "T 3"]:
-    """Up and a little to one side, then partly down again."""
-    begin, long = rng.uniform(0.05, 0.2), rng.uniform(0.6, 1.1)
-    share = _ease(times, begin, begin + long)
-    back = rng.uniform(0.0, 0.25) * _ease(times, begin + long + 0.1, begin + long + 0.7)
-    up = np.outer(height * (share - back), [0.0, 0.0, 1.0])
-    return np.asarray(up + np.outer(share * rng.uniform(0.0, 0.1), _direction(rng)), np.float64)
-
-
-def _sway(times: Float64[Array, " T"], size: float, rng: np.random.Generator) -> Float64[Array, "T 3"]:
-    """To and fro in the plane, growing out of rest."""
-    rate, phase = rng.uniform(0.5, 1.3), rng.uniform(0.0, 0.3)
-    swing = np.sin(2.0 * np.pi * rate * np.clip(times - phase, 0.0, None)) * _ease(times, phase, phase + 0.8)
-    return np.outer(size * rng.uniform(0.3, 1.0) * swing, _direction(rng))
-
-
-def _turn(times: Float64[Array, " T"], most: float, rng: np.random.Generator) -> Float64[Array, "T 3"]:
-    """Rotation vectors of a wrist that turns slowly."""
-    axis = rng.normal(size=3)
-    share = _ease(times, rng.uniform(0.1, 0.4), rng.uniform(1.0, 1.6))
-    return np.outer(rng.uniform(-most, most) * share, axis / np.linalg.norm(axis))
-
-
-def _upright(up: Float64[Array, " 3"]) -> Rotation:
-    """The shortest turn that takes a direction to the vertical."""
-    unit = up / max(float(np.linalg.norm(up)), 1e-9)
-    axis = np.cross(unit, [0.0, 0.0, 1.0])
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-6:
-        return Rotation.from_rotvec([0.0 if unit[2] > 0.0 else np.pi, 0.0, 0.0])
-    return Rotation.from_rotvec(axis / sine * np.arctan2(sine, unit[2]))
-
-
-def _direction(rng: np.random.Generator) -> Float64[Array, " 3"]:
-    """A horizontal unit vector."""
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    return np.array([np.cos(angle), np.sin(angle), 0.0])

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from model.scenes.case import ObjectClass
-from model.scenes.world.body import Block, Body, Capsule, Cut, Sheet, Solid
+from model.scenes.world.body import Block, Body, Capsule, Cut, Solid
+from model.scenes.world.sheet import Sheet
 from model.types import Array, ShapeClass
 
 CLASSES: tuple[ObjectClass, ...] = ("plush", "cloth", "rope", "foam", "bag", "mixed")
