@@ -443,12 +443,16 @@ def _gripped(
 def _predict(
     bundle: TwinBundle, sight: _Sight, matter: _Matter, tracks: Tracks, predictor: ParameterPredictor
 ) -> Parameters:
-    """The mechanics, from the clip as a case."""
+    """The mechanics, from the clip as a case; where it shows no motion, what the bundle has already."""
     masks, key = sight.masks, sight.masks.keyframe
     times = sight.frames.times[key:] - sight.frames.times[key]
     camera = sight.calibration.camera
-    case = observe_tracks(bundle, matter.priors, sight.shape_class, camera, tracks, masks, times)
-    return predictor(case, sight.frames.images[key:])
+    try:
+        case = observe_tracks(bundle, matter.priors, sight.shape_class, camera, tracks, masks, times)
+        return predictor(case, sight.frames.images[key:])
+    except InputError as error:
+        doubt = f"parameters: the prior's means are used, for the motion says nothing: {error}"
+        return replace(bundle.parameters, warnings=(*bundle.parameters.warnings, doubt))
 
 
 def _with_metrics(bundle: TwinBundle, metrics: dict[str, JsonValue]) -> BundleManifest:
