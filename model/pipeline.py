@@ -103,7 +103,7 @@ class TwinOptions:
     controllers: Path | None = None
     shape: str = "auto"
     prior: str = "stub"
-    predictor: str = "prior-mean"
+    predictor: str = "matphys"
     """`matphys`: the trained one that comes with the package; a file: another one; `prior-mean`."""
     parts: int = 5
     points: int = 1500
