@@ -77,6 +77,12 @@ class TwinRequest(JobRequest):
         Literal["auto", "sheet", "rope", "solid"], Field(description="What fills the silhouette.")
     ] = "auto"
     prior: Annotated[Literal["stub", "openai"], Field(description="Who names the materials.")] = "stub"
+    predictor: Annotated[
+        Literal["matphys", "prior-mean"],
+        Field(
+            description="Who predicts the mechanics: a trained network, or the prior's means."
+        ),
+    ] = "matphys"
     parts: Annotated[int, Field(ge=1, le=64, description="How many parts to look for.")] = 5
     points: Annotated[int, Field(ge=16, le=20_000, description="About how many mass points.")] = 1500
     segmentation: Annotated[Literal["classical", "sam2"], Field(description="Who finds the object.")] = (

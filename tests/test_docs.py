@@ -70,7 +70,7 @@ def test_python_of_a_page_runs_from_top_to_bottom(page, folder_with_a_twin):
 def test_commands_of_a_page_are_understood(page):
     for _, command, *words in commands(page):
         known = matphys.commands[command]
-        known.make_parser(click.Context(known)).parse_args(args=words)
+        known.make_parser(click.Context(known, **known.context_settings)).parse_args(args=words)
 
 
 def test_readme_names_real_options_alone():

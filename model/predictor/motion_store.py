@@ -1,11 +1,8 @@
 """Motion features of cases on disk, so that each case is described once per encoder."""
 
 import hashlib
-import multiprocessing
-import os
 import warnings
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -13,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from model.crew import crew
 from model.encoders.motion import MotionEncoder
 from model.formats.files import replacing
 from model.formats.npz import read_arrays
@@ -113,15 +111,8 @@ def _each(jobs: Sequence[_Job], workers: int) -> Iterator[None]:
     if workers <= 1 or len(jobs) <= 1:
         yield from map(_describe, jobs)
         return
-    # forked children would inherit torch's threads in a state of their own
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_one_thread) as pool:
+    with crew(workers) as pool:
         yield from pool.map(_describe, jobs)
-
-
-def _one_thread() -> None:
-    """Before torch is imported: the processes share the cores."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 
 def _describe(job: _Job) -> None:

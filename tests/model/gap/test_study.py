@@ -8,6 +8,9 @@ import pytest
 from model.gap.estimate import FIRST_HORIZON, Span, estimate
 from model.gap.study import SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
+# a fit takes the substeps of its first worlds for all; `diagnose` is silent about it as well
+pytestmark = pytest.mark.filterwarnings("ignore::model.simulator.pace.StabilityWarning")
+
 
 @pytest.fixture(scope="module")
 def rope(short, studied):
