@@ -79,9 +79,7 @@ class TwinRequest(JobRequest):
     prior: Annotated[Literal["stub", "openai"], Field(description="Who names the materials.")] = "stub"
     predictor: Annotated[
         Literal["matphys", "prior-mean"],
-        Field(
-            description="Who predicts the mechanics: a trained network, or the prior's means."
-        ),
+        Field(description="Who predicts the mechanics: a trained network, or the prior's means."),
     ] = "matphys"
     parts: Annotated[int, Field(ge=1, le=64, description="How many parts to look for.")] = 5
     points: Annotated[int, Field(ge=16, le=20_000, description="About how many mass points.")] = 1500
