@@ -28,6 +28,7 @@ FLAGS = (
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 NEAR = 20.0
 """Pixels by which what is seen may be off the middle of the points: a ball covers some of it."""
+GROUND = {"ground_height": 0.2, "friction": 1.5}
 PATIENCE = 120.0
 """Seconds: software WebGL on a busy machine is slow."""
 
@@ -53,10 +54,18 @@ def free_port():
 
 @pytest.fixture
 def green_twin(plain_twin, tmp_path):
-    """The file of a small twin of a colour that nothing else on the page has."""
-    gaussians = plain_twin.gaussians
+    """The file of a small twin of a colour that nothing else on the page has.
+
+    The ground is near below it, and rough: where it falls it stays, inside the picture.
+    """
+    gaussians, parameters = plain_twin.gaussians, plain_twin.parameters
     green = np.tile(np.float32([0.05, 0.6, 0.1]), (len(gaussians), 1))
-    bundle = replace(plain_twin, gaussians=replace(gaussians, colors=green))
+    ground = {name: replace(parameters.globals[name], value=value) for name, value in GROUND.items()}
+    bundle = replace(
+        plain_twin,
+        gaussians=replace(gaussians, colors=green),
+        parameters=replace(parameters, globals={**parameters.globals, **ground}),
+    )
     bundle.save(tmp_path / "cube.twin.zip")
     return tmp_path / "cube.twin.zip"
 
