@@ -28,7 +28,8 @@ FLAGS = (
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 NEAR = 20.0
 """Pixels by which what is seen may be off the middle of the points: a ball covers some of it."""
-GROUND = {"ground_height": 0.2, "friction": 1.5}
+FARTHER = 1.7
+"""Times as far as the page shows it at first: then all of it is in the picture wherever it falls."""
 PATIENCE = 120.0
 """Seconds: software WebGL on a busy machine is slow."""
 
@@ -54,18 +55,10 @@ def free_port():
 
 @pytest.fixture
 def green_twin(plain_twin, tmp_path):
-    """The file of a small twin of a colour that nothing else on the page has.
-
-    The ground is near below it, and rough: where it falls it stays, inside the picture.
-    """
-    gaussians, parameters = plain_twin.gaussians, plain_twin.parameters
+    """The file of a small twin of a colour that nothing else on the page has."""
+    gaussians = plain_twin.gaussians
     green = np.tile(np.float32([0.05, 0.6, 0.1]), (len(gaussians), 1))
-    ground = {name: replace(parameters.globals[name], value=value) for name, value in GROUND.items()}
-    bundle = replace(
-        plain_twin,
-        gaussians=replace(gaussians, colors=green),
-        parameters=replace(parameters, globals={**parameters.globals, **ground}),
-    )
+    bundle = replace(plain_twin, gaussians=replace(gaussians, colors=green))
     bundle.save(tmp_path / "cube.twin.zip")
     return tmp_path / "cube.twin.zip"
 
@@ -81,6 +74,14 @@ class Play:
         while not reached():
             assert time.monotonic() < end, f"waited in vain: {what}"
             self.page.wait_for_timeout(50)
+
+    def step_back(self, times):
+        """Look from so many times as far."""
+        (client,) = self.playground.server.get_clients().values()
+        camera = client.camera
+        goal = np.asarray(camera.look_at) + times * (np.asarray(camera.position) - camera.look_at)
+        camera.position = goal
+        self.wait(lambda: np.allclose(client.camera.position, goal, atol=1e-3), "the view to change")
 
     def settled(self):
         """Wait until the object moves no more; then its points."""
@@ -153,6 +154,7 @@ def play(chromium, green_twin, free_port):
         made = Play(playground, page)
         made.wait(playground.server.get_clients, "the browser to connect")
         expect(made.button("Pause")).to_be_visible()
+        made.step_back(FARTHER)
         made.wait(lambda: made.seen() is not None, "the object to be shown")
         return made
 
