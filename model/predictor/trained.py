@@ -8,6 +8,7 @@ from jaxtyping import UInt8
 from model.encoders import ALL_MOTION_ENCODERS
 from model.encoders.motion import MotionEncoder
 from model.errors import InputError
+from model.one_thread import one_thread
 from model.predictor.base import ParameterPredictor
 from model.predictor.checkpoint import Trained, load_predictor
 from model.predictor.motion import describe_motion
@@ -57,8 +58,8 @@ class TrainedPredictor(ParameterPredictor):
         self, case: Case, images: UInt8[Array, "T H W 3"] | None = None
     ) -> tuple[Parameters, Prediction]:
         """The parameters, and the means and spreads that they were taken from."""
-        sample = self.sample(case, images)
-        with torch.no_grad():
+        with one_thread(), torch.no_grad():
+            sample = self.sample(case, images)
             prediction: Prediction = self.trained.network(sample)
         seen = case.observation
         return to_parameters(prediction, sample, case.topology, seen.gravity, seen.ground_height), prediction

@@ -3,12 +3,12 @@
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
 from model.crew import crew
 from model.errors import InputError
+from model.one_thread import one_thread
 from model.progress import StageReport
 from model.scenes.case import ObjectClass
 from model.scenes.files import SUFFIX, CaseIndex, save_case, write_index
@@ -80,7 +80,7 @@ def _make(
     from model.simulator.divergence import SimulationDiverged
 
     try:
-        with _one_thread():
+        with one_thread():
             cases = draw_cases(seed, number, classes[number % len(classes)], interactions)
     except SimulationDiverged as error:
         return f"object {number} of seed {seed} is left out: {error}"
@@ -89,22 +89,9 @@ def _make(
         if films:
             from model.scenes.film import film_case
 
-            with _one_thread():
+            with one_thread():
                 film_case(case, folder / FILMS / case.name, seed=seed)
     return ""
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """The simulator on one thread: its work is shared by processes instead."""
-    import torch
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
 
 
 def _in_processes(task: "partial[str]", numbers: range, workers: int) -> Iterator[str]:
