@@ -3,6 +3,8 @@
 Every answer starts near zero, so that an untrained network says what the prior says.
 """
 
+from typing import ClassVar
+
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
@@ -27,8 +29,8 @@ LOCAL_SURENESS = 1.5
 """The same of a spring against its parts."""
 
 
-class PartDecoder(nn.Module):
-    """Where the modulus of a part lies, against its prior.
+class Decoder(nn.Module):
+    """A head and what its answers mean, which subclasses say.
 
     Args:
         inputs: Length of what is read.
@@ -36,10 +38,18 @@ class PartDecoder(nn.Module):
         dropout: Share of activations left out in training.
     """
 
+    outputs: ClassVar[int]
+
     def __init__(self, inputs: int, dim: int, dropout: float) -> None:
         """Draw the weights."""
         super().__init__()
-        self.head = head(inputs, dim, 2, dropout)
+        self.head = head(inputs, dim, self.outputs, dropout)
+
+
+class PartDecoder(Decoder):
+    """Where the modulus of a part lies, against its prior."""
+
+    outputs = 2
 
     def forward(
         self, read: Float[Tensor, "K i"], prior_spread: Float[Tensor, " K"]
@@ -51,23 +61,13 @@ class PartDecoder(nn.Module):
             prior_spread: Standard deviation of ln modulus by the prior.
         """
         shift, sureness = self.head(read).unbind(-1)
-        limit = (WIDEST * prior_spread).clamp_min(SPAN)
-        return soft_limit(shift, limit), prior_spread * soft_limit(sureness, SURENESS).exp()
+        return _against(prior_spread, shift, sureness, SPAN)
 
 
-class EdgeDecoder(nn.Module):
-    """Where a spring lies within its part, from motion, material and geometry at once.
+class EdgeDecoder(Decoder):
+    """Where a spring lies within its part, from motion, material and geometry at once."""
 
-    Args:
-        inputs: Length of what is read.
-        dim: Of the hidden layers.
-        dropout: Share of activations left out in training.
-    """
-
-    def __init__(self, inputs: int, dim: int, dropout: float) -> None:
-        """Draw the weights."""
-        super().__init__()
-        self.head = head(inputs, dim, 2, dropout)
+    outputs = 2
 
     def forward(self, read: Float[Tensor, "E i"]) -> tuple[Float[Tensor, " E"], Float[Tensor, " E"]]:
         """The difference to the part's ln modulus, and a factor on the part's spread."""
@@ -75,38 +75,20 @@ class EdgeDecoder(nn.Module):
         return soft_limit(shift, FIELD), soft_limit(sureness, LOCAL_SURENESS).exp()
 
 
-class GripDecoder(nn.Module):
-    """How firmly a controller spring holds, against the rule for the springs at its point.
+class GripDecoder(Decoder):
+    """How firmly a controller spring holds, against the rule for the springs at its point."""
 
-    Args:
-        inputs: Length of what is read.
-        dim: Of the hidden layers.
-        dropout: Share of activations left out in training.
-    """
-
-    def __init__(self, inputs: int, dim: int, dropout: float) -> None:
-        """Draw the weights."""
-        super().__init__()
-        self.head = head(inputs, dim, 1, dropout)
+    outputs = 1
 
     def forward(self, read: Float[Tensor, "S i"]) -> Float[Tensor, " S"]:
         """The difference in ln stiffness."""
         return soft_limit(self.head(read)[:, 0], GRIP)
 
 
-class GlobalDecoder(nn.Module):
-    """Dashpot, drag, friction and restitution of a case, against its priors.
+class GlobalDecoder(Decoder):
+    """Dashpot, drag, friction and restitution of a case, against its priors."""
 
-    Args:
-        inputs: Length of what is read.
-        dim: Of the hidden layers.
-        dropout: Share of activations left out in training.
-    """
-
-    def __init__(self, inputs: int, dim: int, dropout: float) -> None:
-        """Draw the weights."""
-        super().__init__()
-        self.head = head(inputs, dim, 8, dropout)
+    outputs = 8
 
     def forward(
         self, read: Float[Tensor, "B i"], prior_spread: Float[Tensor, "B 4"]
@@ -118,5 +100,12 @@ class GlobalDecoder(nn.Module):
             prior_spread: Standard deviations by the prior.
         """
         shift, sureness = torch.chunk(self.head(read), 2, dim=-1)
-        limit = (WIDEST * prior_spread).clamp_min(GLOBAL_SPAN)
-        return soft_limit(shift, limit), prior_spread * soft_limit(sureness, SURENESS).exp()
+        return _against(prior_spread, shift, sureness, GLOBAL_SPAN)
+
+
+def _against(
+    prior_spread: Float[Tensor, "*n"], shift: Float[Tensor, "*n"], sureness: Float[Tensor, "*n"], least: float
+) -> tuple[Float[Tensor, "*n"], Float[Tensor, "*n"]]:
+    """A difference to a prior of at most `WIDEST` spreads, or `least`, and a spread not far from its own."""
+    limit = (WIDEST * prior_spread).clamp_min(least)
+    return soft_limit(shift, limit), prior_spread * soft_limit(sureness, SURENESS).exp()

@@ -15,8 +15,7 @@ from model.predictor.affordable import affordable
 from model.predictor.lattice import lattice_shares
 from model.predictor.prior_means import dashpot_damping, grip_stiffness
 from model.scenes.case import Anchors
-from model.scenes.replay import observed
-from model.simulator.build import build_simulator
+from model.scenes.replay import observed, topology_simulator
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.pace import StabilityWarning
 from model.simulator.simulator import Simulator
@@ -171,26 +170,19 @@ class _Bench:
 
     def _simulator(self, stuffs: Sequence[_Stuff]) -> Simulator:
         """All of them in one, side by side as a batch."""
-        topology, seen = self.topology, self.seen
+        topology = self.topology
         stiffness = np.stack([self._stiffness(stuff.log_modulus) for stuff in stuffs])
         values = np.stack([stuff.values for stuff in stuffs])
         dashpot, drag, friction = (np.exp(values[:, column, None]) for column in range(3))
-        return build_simulator(
-            points=topology.points,
-            mass=topology.mass,
-            springs=topology.springs,
-            rest_length=topology.rest_length,
+        return topology_simulator(
+            topology,
+            self.seen,
             stiffness=stiffness,
-            controller_springs=topology.controller_springs,
-            controller_rest_length=topology.controller_rest_length,
             controller_stiffness=np.stack([grip_stiffness(topology, each) for each in stiffness]),
-            controller_points=topology.controller_points,
             dashpot_damping=dashpot,
             drag_rate=drag,
             friction=friction,
             restitution=1.0 / (1.0 + np.exp(-values[:, 3, None])),
-            gravity=seen.gravity,
-            ground_height=seen.ground_height,
         )
 
     def _stiffness(self, log_modulus: Float64[Array, " K"]) -> Float64[Array, " E"]:

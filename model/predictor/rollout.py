@@ -10,8 +10,7 @@ from torch import Tensor
 from model.predictor.affordable import affordable
 from model.predictor.sample import GLOBALS, Prediction, Sample
 from model.scenes.case import Case
-from model.scenes.replay import observed, roll
-from model.simulator.build import build_simulator
+from model.scenes.replay import observed, roll, topology_simulator
 
 STEEPEST = 1.0
 """Norm beyond which the gradient of one case, by all that was predicted of it, is cut."""
@@ -74,22 +73,15 @@ def roll_out(
         mechanics.controller_stiffness.detach().cpu().double().numpy(),
         float(mechanics.dashpot_damping.detach()),
     )
-    simulator = build_simulator(
-        points=topology.points,
-        mass=topology.mass,
-        springs=topology.springs,
-        rest_length=topology.rest_length,
+    simulator = topology_simulator(
+        topology,
+        case.observation,
         stiffness=mechanics.stiffness * limit.stiffness,
-        controller_springs=topology.controller_springs,
-        controller_rest_length=topology.controller_rest_length,
         controller_stiffness=mechanics.controller_stiffness * limit.stiffness,
-        controller_points=topology.controller_points,
         dashpot_damping=mechanics.dashpot_damping * limit.dashpot,
         drag_rate=mechanics.drag_rate,
         friction=mechanics.friction,
         restitution=mechanics.restitution,
-        gravity=case.observation.gravity,
-        ground_height=case.observation.ground_height,
     )
     return observed(case.anchors, roll(case, simulator, frames, checkpoint=checkpoint))
 

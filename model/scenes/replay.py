@@ -8,8 +8,9 @@ from torch import Tensor
 from model.errors import InputError
 from model.scenes.case import Anchors, Case
 from model.simulator.build import build_simulator
+from model.simulator.parameters import TensorLike
 from model.simulator.simulator import Simulator
-from model.types import Array, Parameters
+from model.types import Array, Observation, Parameters, Topology
 
 
 def case_simulator(case: Case, parameters: Parameters, *, self_contact: bool = False) -> Simulator:
@@ -20,7 +21,6 @@ def case_simulator(case: Case, parameters: Parameters, *, self_contact: bool = F
         parameters: Of its springs; per spring, in the order of the topology.
         self_contact: Also resolve contacts of the object with itself.
     """
-    topology = case.topology
 
     def scalar(name: str) -> float:
         value = parameters.globals[name].value
@@ -28,23 +28,61 @@ def case_simulator(case: Case, parameters: Parameters, *, self_contact: bool = F
             raise InputError(f"case {case.name}: {name}: expected one number, found {len(value)}")
         return value
 
-    return build_simulator(
-        points=topology.points,
-        mass=topology.mass,
-        springs=topology.springs,
-        rest_length=topology.rest_length,
+    return topology_simulator(
+        case.topology,
+        case.observation,
         stiffness=parameters.stiffness,
-        controller_springs=topology.controller_springs,
-        controller_rest_length=topology.controller_rest_length,
         controller_stiffness=parameters.controller_stiffness,
-        controller_points=topology.controller_points,
         dashpot_damping=scalar("dashpot_damping"),
         drag_rate=scalar("drag_rate"),
         friction=scalar("friction"),
         restitution=scalar("restitution"),
         collision_distance=scalar("collision_distance") if self_contact else None,
-        gravity=case.observation.gravity,
-        ground_height=case.observation.ground_height,
+    )
+
+
+def topology_simulator(
+    topology: Topology,
+    seen: Observation,
+    *,
+    stiffness: TensorLike,
+    controller_stiffness: TensorLike,
+    dashpot_damping: TensorLike,
+    drag_rate: TensorLike = 0.0,
+    friction: TensorLike = 0.0,
+    restitution: TensorLike = 0.0,
+    collision_distance: float | None = None,
+) -> Simulator:
+    """A topology under the gravity and over the ground of what was seen; tensors keep their gradients.
+
+    Args:
+        topology: Points, springs and what holds them.
+        seen: Its gravity and its ground.
+        stiffness: Of the springs [N/m]; see `build_simulator` for this and what follows.
+        controller_stiffness: [N/m].
+        dashpot_damping: [N·s/m].
+        drag_rate: [1/s].
+        friction: [1].
+        restitution: [1].
+        collision_distance: [m]; None: no contact of the object with itself.
+    """
+    return build_simulator(
+        points=topology.points,
+        mass=topology.mass,
+        springs=topology.springs,
+        rest_length=topology.rest_length,
+        stiffness=stiffness,
+        controller_springs=topology.controller_springs,
+        controller_rest_length=topology.controller_rest_length,
+        controller_stiffness=controller_stiffness,
+        controller_points=topology.controller_points,
+        dashpot_damping=dashpot_damping,
+        drag_rate=drag_rate,
+        friction=friction,
+        restitution=restitution,
+        collision_distance=collision_distance,
+        gravity=seen.gravity,
+        ground_height=seen.ground_height,
     )
 
 

@@ -16,8 +16,7 @@ from model.predictor.prior_mean import PriorMeanPredictor
 from model.predictor.prior_means import volumes
 from model.predictor.stability import fastest, stable_step
 from model.scenes.case import Case
-from model.scenes.replay import observed, replay, roll
-from model.simulator.build import build_simulator
+from model.scenes.replay import observed, replay, roll, topology_simulator
 from model.simulator.parameters import TensorLike
 from model.types import Array, Parameter, Parameters, Topology
 
@@ -131,18 +130,11 @@ def moved(
     Raises:
         SimulationDiverged: a state is not finite.
     """
-    simulator = build_simulator(
-        points=topology.points,
-        mass=topology.mass,
-        springs=topology.springs,
-        rest_length=topology.rest_length,
+    simulator = topology_simulator(
+        topology,
+        case.observation,
         stiffness=stiffness,
-        controller_springs=topology.controller_springs,
-        controller_rest_length=topology.controller_rest_length,
         controller_stiffness=grip,
-        controller_points=topology.controller_points,
-        gravity=case.observation.gravity,
-        ground_height=case.observation.ground_height,
         dashpot_damping=values["dashpot_damping"],
         drag_rate=values["drag_rate"],
         friction=values["friction"],

@@ -27,8 +27,7 @@ from model.evaluation.baselines.wiring import with_springs
 from model.predictor.lattice import lattice_stiffness
 from model.predictor.prior_means import GRIP, volumes
 from model.scenes.case import Case
-from model.scenes.replay import observed, roll
-from model.simulator.build import build_simulator
+from model.scenes.replay import observed, roll, topology_simulator
 from model.simulator.divergence import SimulationDiverged
 from model.types import Array, Parameters, Topology
 
@@ -216,20 +215,13 @@ def _roll(
     held = torch.as_tensor(topology.controller_springs[:, 1]).long()
     grip = values["firmness"] * _usual(torch.as_tensor(topology.springs).long(), stiffness, topology)[held]
     lengths = np.concatenate([topology.rest_length, topology.controller_rest_length])
-    simulator = build_simulator(
-        points=topology.points,
-        mass=topology.mass,
-        springs=topology.springs,
-        rest_length=topology.rest_length,
+    simulator = topology_simulator(
+        topology,
+        case.observation,
         stiffness=stiffness,
-        controller_springs=topology.controller_springs,
-        controller_rest_length=topology.controller_rest_length,
         controller_stiffness=grip,
-        controller_points=topology.controller_points,
         dashpot_damping=values["damping"] / torch.as_tensor(lengths).clamp_min(1e-6),
         friction=values["friction"],
-        gravity=case.observation.gravity,
-        ground_height=case.observation.ground_height,
     ).with_force(HardeningSpring(stiffness))
     points = roll(replace(case, topology=topology), simulator, frames, checkpoint=True)
     return observed(case.anchors, points)
