@@ -38,7 +38,8 @@ def _settings(_: click.Context, __: click.Parameter, value: str) -> tuple[str, .
     default="all",
     show_default=True,
     metavar="A,B,…",
-    help="Names, `all`, or NAME=FILE for a predictor; the first is what the others are compared with.",
+    help="Names, `all`, or NAME=FILE for a predictor (NAME=DIR: the one in it that left out the object); the "
+    "first is what the others are compared with.",
 )
 @click.option(
     "--settings",

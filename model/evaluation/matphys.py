@@ -16,11 +16,14 @@ from model.scenes.case import Case
 class MatPhysMethod(Method):
     """A predictor that `matphys fit` has made; nothing is fitted to the clip.
 
+    Of a folder of predictors, each of which left out other objects of one folder of cases, the one is asked
+    that left out the object in question.
+
     Args:
-        path: Its weights; None: those that come with the package.
+        path: Its weights, or such a folder; None: those that come with the package.
 
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or nothing in the folder.
     """
 
     name: ClassVar[str] = "matphys"
@@ -28,12 +31,17 @@ class MatPhysMethod(Method):
     def __init__(self, path: Path | None = None) -> None:
         """See the class."""
         self.path = path or SHIPPED
-        if not self.path.is_file():
+        self._files = tuple(sorted(self.path.glob("*.safetensors"))) if self.path.is_dir() else (self.path,)
+        if not self._files or not self._files[0].is_file():
             raise InputError(f"{self.path}: no such predictor: make one with `matphys fit`")
 
     def fit(self, case: Case) -> Twin:
-        """Look at the frames before the split and predict."""
-        parameters, prediction = _predictor(self.path).believe(case)
+        """Look at the frames before the split and predict.
+
+        Raises:
+            InputError: every predictor of the folder was trained on the object.
+        """
+        parameters, prediction = self._asked(case.object_name).believe(case)
         belief = PartBelief(
             prediction.part_log_modulus.numpy().astype(np.float64),
             prediction.part_log_spread.numpy().astype(np.float64),
@@ -42,13 +50,24 @@ class MatPhysMethod(Method):
 
     def identity(self) -> str:
         """With the digest of its weights."""
-        digest = hashlib.sha256(self.path.read_bytes()).hexdigest()
-        return f"{super().identity()} {digest[:16]}"
+        digest = hashlib.sha256()
+        for file in self._files:
+            digest.update(file.read_bytes())
+        return f"{super().identity()} {digest.hexdigest()[:16]}"
 
-    def trained_on(self) -> str | None:
+    def knew(self, source: str, object_name: str) -> bool:
         """As its card says."""
-        index = _predictor(self.path).trained.about.data.get("index")
-        return None if index is None else str(index)
+        trained = self._asked(object_name).trained
+        return trained.about.data.get("index") == source and object_name not in trained.left_out
+
+    def _asked(self, object_name: str) -> TrainedPredictor:
+        if self.path.is_file():
+            return _predictor(self.path)
+        for file in self._files:
+            predictor = _predictor(file)
+            if object_name in predictor.trained.left_out:
+                return predictor
+        raise InputError(f"{self.path}: no predictor in it left out {object_name}: train with --data.folds")
 
 
 @cache

@@ -15,7 +15,7 @@ def chosen(written: str) -> dict[str, Method]:
 
     Args:
         written: Comma-separated: names of methods, `all`, or `NAME=FILE`, a trained predictor under a name of
-            its own, such as an ablation.
+            its own, such as an ablation; `NAME=FOLDER`, predictors that each left out other objects.
 
     Raises:
         InputError: no such method, one is named twice, or nothing is written.

@@ -89,7 +89,7 @@ def judge(task: Task, pictures: Pictures | None = None) -> Record:
         object_class=case.object_class,
         interaction=case.interaction,
         priors=task.opinion,
-        known_object=task.source is not None and task.method.trained_on() == task.source,
+        known_object=task.source is not None and task.method.knew(task.source, case.object_name),
         fit_seconds=fit_seconds,
         predict_seconds=predict_seconds,
         failed=failed,

@@ -19,6 +19,8 @@ from model.version import __version__
 SCHEMA = "matphys.predictor/1"
 KEY = "matphys"
 """The one entry of the file's metadata: JSON."""
+LEFT_OUT = "left out"
+"""Entry of `About.data`: names of the objects of the folder that training never looked at, by spaces."""
 LARGEST = 200_000_000
 """Bytes; ours have a few million."""
 
@@ -40,7 +42,8 @@ class About(BaseModel):
     encoder_weights: str | None = None
     """sha256 of the encoder's own weights."""
     data: dict[str, int | str | None] = {}
-    """`folder`, `seed` of the generated cases, numbers of `cases` and `objects`, sha256 of the `index`."""
+    """`folder`, `seed` of the generated cases, numbers of `cases` and `objects`, sha256 of the `index`, and
+    who was `left out`, if anybody."""
     training: dict[str, int | float | str] = {}
     """`epochs`, `seed`, …"""
     validation: dict[str, float] = {}
@@ -60,6 +63,11 @@ class Trained:
     about: About
     sha256: str
     """Of the file."""
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """Names of the objects of its folder that training never looked at."""
+        return frozenset(str(self.about.data.get(LEFT_OUT) or "").split())
 
     @property
     def options(self) -> NetworkOptions:

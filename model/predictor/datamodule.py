@@ -14,9 +14,11 @@ from model.encoders.kinematic import KinematicEncoder
 from model.encoders.motion import MotionEncoder
 from model.errors import InputError
 from model.predictor.batches import Batch, Example, make_batch, true_values
+from model.predictor.checkpoint import LEFT_OUT
 from model.predictor.geometry import Geometry, describe_geometry
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.motion_store import read_motion, store_motion
+from model.predictor.object_split import left_out, split_objects
 from model.predictor.sample import Sample, make_sample
 from model.progress import progress
 from model.scenes.case import Case
@@ -141,7 +143,7 @@ class CaseDataModule(LightningDataModule):
 
     Args:
         folder: Cases as `matphys scenes` writes them.
-        test_folder: Cases for `test`; None: those of the validation.
+        test_folder: Cases for `test`; None: those of the fold that is left out, or else of the validation.
         encoder: What describes motion; None: the embedded one.
         objects: How many to generate into `folder` where it has no cases yet; 0: none, cases must be there.
         seed: Of generation, split and opinions.
@@ -149,6 +151,9 @@ class CaseDataModule(LightningDataModule):
         opinions: What training is told of materials.
         batch_size: Cases, of any sizes.
         workers: Processes that generate cases and describe motion.
+        folds: Into how many groups of objects the folder is split, one of which is left out of training and
+            validation, for `test` and `matphys evaluate`; as many as objects: one is left out; 0: none.
+        fold: Which of them, from 0 on.
     """
 
     def __init__(
@@ -163,6 +168,8 @@ class CaseDataModule(LightningDataModule):
         opinions: Opinions = Opinions(),
         batch_size: int = 16,
         workers: int = 1,
+        folds: int = 0,
+        fold: int = 0,
     ) -> None:
         """See the class."""
         super().__init__()
@@ -173,6 +180,7 @@ class CaseDataModule(LightningDataModule):
         self.motion_dim, self.motion_global_dim = self.encoder.dim, self.encoder.global_dim
         self._objects, self.seed, self._share = objects, seed, validation_share
         self._opinions, self._batch_size, self._workers = opinions, batch_size, workers
+        self._folds, self._fold = folds, fold
         self._train: CaseDataset | None = None
         self._held: CaseDataset | None = None
 
@@ -190,9 +198,11 @@ class CaseDataModule(LightningDataModule):
             self._held = self._read(read_index(self.test_folder or self.folder, verify=False))
         elif stage == "test" and self.test_folder is not None:
             self._held = self._read(read_index(self.test_folder, verify=False))
+        elif stage == "test" and self._folds:
+            own, apart = self._known(), describe(self.folder).cases
+            self._held = self._read([self.folder / entry.file for entry in apart if entry not in own])
         else:
-            index = describe(self.folder)
-            train, held = split_objects(index.cases, self._share, self.seed)
+            train, held = split_objects(self._known(), self._share, self.seed)
             self._held = self._read([self.folder / entry.file for entry in held])
             if stage == "fit":
                 self._train = self._read([self.folder / entry.file for entry in train])
@@ -234,15 +244,17 @@ class CaseDataModule(LightningDataModule):
 
     def origin(self) -> dict[str, int | str | None]:
         """Where the training's cases come from, for the card of what was trained."""
-        index = describe(self.folder)
+        index, known = describe(self.folder), self._known()
+        names = {entry.object_name for entry in known}
+        apart = sorted({entry.object_name for entry in index.cases} - names)
         return {
             "folder": self.folder.name,
             "seed": index.seed,
             "version": index.version,
-            "cases": len(index.cases),
-            "objects": len({entry.object_name for entry in index.cases}),
+            "cases": len(known),
+            "objects": len(names),
             "index": hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest(),
-        }
+        } | ({LEFT_OUT: " ".join(apart)} if apart else {})
 
     def fixed_looks(self) -> list[Look]:
         """Every held-out case under every opinion; any share of them from the first on has all opinions."""
@@ -255,6 +267,12 @@ class CaseDataModule(LightningDataModule):
             for place, case in enumerate(order)
         ]
 
+    def _known(self) -> list[IndexEntry]:
+        """Cases of the folder that training and validation may look at."""
+        entries = describe(self.folder).cases
+        apart = set(left_out(entries, self._folds, self._fold, self.seed))
+        return [entry for entry in entries if entry.object_name not in apart]
+
     def _read(self, paths: Sequence[Path]) -> CaseDataset:
         return CaseDataset(paths, self.encoder, self._opinions)
 
@@ -264,30 +282,6 @@ class CaseDataModule(LightningDataModule):
     def _ranks(self) -> tuple[int, int]:
         """Which process of how many this is."""
         return (0, 1) if self.trainer is None else (self.trainer.global_rank, self.trainer.world_size)
-
-
-def split_objects(
-    entries: Sequence[IndexEntry], share: float, seed: int
-) -> tuple[list[IndexEntry], list[IndexEntry]]:
-    """Cases to train on and cases to hold out: of every class a share of the objects, no object in both.
-
-    Raises:
-        InputError: there are fewer than two objects.
-    """
-    objects = {entry.object_name: entry.object_class for entry in entries}
-    held = set[str]()
-    for kind in sorted(set(objects.values())):
-        names = sorted(name for name, own in objects.items() if own == kind)
-        count = min(max(1, round(share * len(names))), len(names) - 1)
-        held.update(np.random.default_rng(seed).permutation(names)[:count].tolist())
-    if len(objects) < 2:
-        raise InputError(f"{len(objects)} objects: training needs at least 2, so that one can be held out")
-    if not held:  # every class has but one object
-        held.add(sorted(objects)[-1])
-    return (
-        [entry for entry in entries if entry.object_name not in held],
-        [entry for entry in entries if entry.object_name in held],
-    )
 
 
 def _there(data: CaseDataset | None) -> CaseDataset:

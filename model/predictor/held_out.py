@@ -1,9 +1,12 @@
 """What held-out objects say of a predictor, gathered over all batches of a validation."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float64
 from scipy.stats import spearmanr
-from torch import Tensor
+from torch import Tensor, distributed
 
 from model.predictor.batches import Batch
 from model.predictor.losses import covered
@@ -50,6 +53,26 @@ class HeldOut:
             self._diverged += 1
         else:
             self._motions.append(judged)
+
+    @classmethod
+    def joined(cls, several: Sequence["HeldOut"]) -> "HeldOut":
+        """What several of them have gathered."""
+        whole = cls()
+        for one in several:
+            whole._totals += one._totals
+            whole._parts += one._parts
+            whole._motions += one._motions
+            whole.rolled += one.rolled
+            whole._diverged += one._diverged
+        return whole
+
+    def gathered(self) -> "HeldOut":
+        """What all processes have gathered, the same in each of them; the own where there is but one."""
+        if not (distributed.is_available() and distributed.is_initialized()):
+            return self
+        each: list[Any] = [None] * distributed.get_world_size()
+        distributed.all_gather_object(each, self)
+        return self.joined(each)
 
     def figures(self, weights: LossWeights) -> dict[str, float]:
         """By name; what could not be measured is left out.

@@ -30,6 +30,11 @@ CHECKPOINTS = "checkpoints"
 """Folder in that of a run."""
 BEST = "val/loss"
 """What the best checkpoint has least of."""
+PARALLEL = "ddp_find_unused_parameters_true"
+"""Epochs without rollouts, and rollouts that diverge, leave parameters without a gradient: a mistake to DDP,
+unless it is told."""
+LOST = "Connection closed by peer"
+"""What a process of several reads when another one has ended."""
 QUIET = (
     ".*does not have many workers.*",  # examples are made in a millisecond
     ".*args parameter is intended to run from within Python.*",
@@ -39,6 +44,7 @@ QUIET = (
     ".*LeafSpec.*",  # Lightning and torch between themselves
     ".*callbacks used to create the checkpoint.*",
     ".*could not find the monitored key.*",  # before the first validation
+    ".*log\\('train/(track|chamfer)', ..., sync_dist=True.*",  # of one of several processes
 )
 
 
@@ -55,9 +61,14 @@ class Export(Callback):
         self._path, self._config = path, config
 
     def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Write it; in one process."""
-        if not trainer.is_global_zero:
-            return
+        """Write it; in one process, for which the others wait."""
+        # the folder of logs is agreed on by all processes: each has to ask
+        path = self._path or Path(trainer.log_dir or trainer.default_root_dir) / "predictor.safetensors"
+        if trainer.is_global_zero:
+            self._write(trainer, pl_module, path)
+        trainer.strategy.barrier("export")
+
+    def _write(self, trainer: Trainer, pl_module: LightningModule, path: Path) -> None:
         data: Any = trainer.datamodule  # type: ignore[attr-defined]
         assert isinstance(pl_module, PredictorModule)
         assert isinstance(data, CaseDataModule)
@@ -82,7 +93,6 @@ class Export(Callback):
             calibration=calibration.as_dict(),
             config=self._config,
         )
-        path = self._path or Path(trainer.log_dir or trainer.default_root_dir) / "predictor.safetensors"
         save_predictor(path, pl_module.network, about)
         print(f"wrote {path}")  # noqa: T201 - the answer of the command
 
@@ -178,8 +188,17 @@ class TrainingCLI(LightningCLI):
             kwargs["logger"] = False
             callbacks = [WriteParameters(out)] if self.subcommand == "predict" else []
         self.trainer_defaults["callbacks"] = callbacks
+        if self._in_parallel():
+            kwargs["strategy"] = PARALLEL
         trainer = super().instantiate_trainer(default_root_dir=out, **kwargs)
         return trainer
+
+    def _in_parallel(self) -> bool:
+        """Whether several processes train the same network, each on its own cases."""
+        strategy, devices, nodes = (
+            self._get(self.config_init, f"trainer.{name}") for name in ("strategy", "devices", "num_nodes")
+        )
+        return strategy == "ddp" or (strategy == "auto" and (str(devices), nodes) != ("1", 1))
 
     def _checkpoints(self, run: Path) -> Path:
         """Of a run of its own; of the run that goes on, which knows its best one so far."""
@@ -227,6 +246,10 @@ def run(arguments: Sequence[str]) -> None:
             )
         except (ArgumentError, MisconfigurationException) as error:
             raise InputError(_first_line(error)) from None
+        except RuntimeError as error:
+            if os.environ.get("LOCAL_RANK", "0") != "0" and LOST in str(error):
+                raise SystemExit(DONE) from None  # the process that failed says why, and with which exit code
+            raise
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

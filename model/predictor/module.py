@@ -24,6 +24,9 @@ from model.predictor.rollout import mechanics_of
 from model.predictor.sample import Prediction
 from model.types import Parameters
 
+MOVED = ("track", "chamfer")
+"""Terms of the loss that need rollouts."""
+
 
 @dataclass(frozen=True)
 class Rollouts:
@@ -139,7 +142,13 @@ class PredictorModule(LightningModule):
             moved, diverged = motion_terms(prediction, batch, self._chosen(len(batch), batch_idx), horizon)
             terms |= moved
             self.log(
-                "train/diverged", float(diverged), batch_size=1, reduce_fx="sum", on_step=False, on_epoch=True
+                "train/diverged",
+                float(diverged),
+                batch_size=1,
+                reduce_fx="sum",
+                on_step=False,
+                on_epoch=True,
+                sync_dist=True,
             )
         loss = self.weights.total(terms)
         for name, value in {**terms, "loss": loss}.items():
@@ -151,6 +160,7 @@ class PredictorModule(LightningModule):
                 prog_bar=shown,
                 on_step=False,
                 on_epoch=True,
+                sync_dist=name not in MOVED,  # all of a process's rollouts may diverge: it has none to add
             )
         return loss
 
@@ -160,7 +170,7 @@ class PredictorModule(LightningModule):
 
     def validation_step(self, batch: Batch, batch_idx: int) -> None:
         """Judge a batch of held-out objects."""
-        self._judge(batch, self.rollouts.validated)
+        self._judge(batch, -(-self.rollouts.validated // self.trainer.world_size))
 
     def on_validation_epoch_end(self) -> None:
         """What is judged over all cases together."""
@@ -215,7 +225,7 @@ class PredictorModule(LightningModule):
                 self._held.add_motion(judge_motion(example.case, mechanics))
 
     def _summarise(self, stage: str) -> None:
-        figures = self._held.figures(self.weights)
+        figures = self._held.gathered().figures(self.weights)
         for name, value in figures.items():
             self.log(f"{stage}/{name}", value, sync_dist=True, prog_bar=name == "loss")
 

@@ -72,9 +72,14 @@ class Method(ABC):
         """What its results depend on beside the case: kept results of another identity are not used."""
         return f"{type(self).__name__} {self.version}"
 
-    def trained_on(self) -> str | None:
-        """sha256 of the index of the cases that it was trained on beforehand; None: on none."""
-        return None
+    def knew(self, source: str, object_name: str) -> bool:
+        """Whether it was trained on an object beforehand.
+
+        Args:
+            source: sha256 of the index of the folder that the object is of.
+            object_name: Its name there.
+        """
+        return False
 
 
 @dataclass(frozen=True)

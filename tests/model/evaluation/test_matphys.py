@@ -8,7 +8,7 @@ from model.encoders import KinematicEncoder
 from model.errors import InputError
 from model.evaluation.matphys import MatPhysMethod
 from model.evaluation.protocol import Task, judge
-from model.predictor.checkpoint import About, save_predictor
+from model.predictor.checkpoint import About, load_predictor, save_predictor
 from model.predictor.options import NetworkOptions
 
 
@@ -64,6 +64,24 @@ def test_an_object_it_was_trained_on_is_known(checkpoint, object_cases):
     assert judge(task(checkpoint, case, source="a" * 64)).known_object
     assert not judge(task(checkpoint, case, source="b" * 64)).known_object
     assert not judge(task(checkpoint, case)).known_object
+
+
+def test_of_a_folder_the_predictor_is_asked_that_left_the_object_out(checkpoint, object_cases, tmp_path):
+    known, cases = load_predictor(checkpoint), [object_cases(seed)[0] for seed in (0, 1, 2)]
+    for number, case in enumerate(cases[:2]):
+        told = known.about.data | {"left out": f"somebody {case.object_name}"}
+        about = known.about.model_copy(update={"data": told})
+        save_predictor(tmp_path / f"{number}.safetensors", known.network, about)
+    method = MatPhysMethod(tmp_path)
+    assert not method.knew("a" * 64, cases[0].object_name)
+    assert MatPhysMethod(tmp_path / "0.safetensors").knew("a" * 64, cases[1].object_name)
+    assert not MatPhysMethod(tmp_path / "0.safetensors").knew("a" * 64, cases[0].object_name)
+    assert method.fit(cases[1]).part_belief is not None
+    with pytest.raises(InputError, match=f"left out {cases[2].object_name}"):
+        method.fit(cases[2])
+    before = method.identity()
+    (tmp_path / "1.safetensors").unlink()
+    assert MatPhysMethod(tmp_path).identity() != before
 
 
 def test_other_weights_are_another_result(checkpoint, tmp_path):

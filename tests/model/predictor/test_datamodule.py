@@ -6,43 +6,9 @@ import torch
 
 from model.encoders.kinematic import KinematicEncoder
 from model.errors import InputError
-from model.predictor.datamodule import CaseDataModule, Draws, Look, Opinions, split_objects
+from model.predictor.datamodule import CaseDataModule, Draws, Look, Opinions
 from model.predictor.motion_store import STORE, read_motion, store_motion
-from model.scenes.files import IndexEntry, load_case, read_index, save_case
-
-
-def entries(**classes):
-    return [
-        IndexEntry(
-            file=f"{kind}-{number}-{act}.case.npz",
-            sha256="",
-            object_name=f"{kind}-{number}",
-            object_class=kind,
-            interaction=act,
-        )
-        for kind, count in classes.items()
-        for number in range(count)
-        for act in ("lift", "push", "drop")
-    ]
-
-
-def test_objects_are_split_not_cases_and_every_class_is_held_out():
-    train, held = split_objects(entries(plush=10, rope=7, bag=2), 0.2, seed=0)
-    names = [{entry.object_name for entry in part} for part in (train, held)]
-    assert not names[0] & names[1]
-    assert len(train) + len(held) == 57
-    counts = {kind: sum(name.startswith(kind) for name in names[1]) for kind in ("plush", "rope", "bag")}
-    assert counts == {"plush": 2, "rope": 1, "bag": 1}
-    assert split_objects(entries(plush=10, rope=7, bag=2), 0.2, seed=0) == (train, held)
-    assert split_objects(entries(plush=10, rope=7, bag=2), 0.2, seed=1) != (train, held)
-
-
-def test_classes_of_one_object_each_still_leave_one_to_hold_out():
-    train, held = split_objects(entries(plush=1, rope=1, bag=1), 0.2, seed=0)
-    assert len({entry.object_name for entry in held}) == 1
-    assert len({entry.object_name for entry in train}) == 2
-    with pytest.raises(InputError, match="at least 2"):
-        split_objects(entries(plush=1), 0.2, seed=0)
+from model.scenes.files import describe, load_case, read_index, save_case
 
 
 def test_draws_are_every_case_once_and_follow_from_seed_and_epoch():
@@ -163,3 +129,26 @@ def test_several_processes_describe_what_one_does(case_folder, tmp_path):
     store_motion(paths, encoder)
     for one, path in zip(found, paths, strict=True):
         np.testing.assert_allclose(one.points, read_motion(path, encoder).points, atol=1e-5)
+
+
+def test_a_fold_is_left_out_of_training_and_validation_and_is_tested(case_folder):
+    everything, apart = {entry.object_name for entry in describe(case_folder).cases}, set[str]()
+    for fold in range(5):
+        data = CaseDataModule(case_folder, validation_share=0.4, folds=5, fold=fold)
+        data.prepare_data()
+        data.setup("fit")
+        seen = {
+            example.case.object_name
+            for loader in (data.train_dataloader(), data.val_dataloader())
+            for batch in loader
+            for example in batch.examples
+        }
+        data.setup("test")
+        tested = {e.case.object_name for batch in data.test_dataloader() for e in batch.examples}
+        assert len(tested) == 1
+        assert seen == everything - tested
+        assert data.origin()["objects"] == 4
+        assert data.origin()["left out"] == " ".join(tested)
+        apart |= tested
+    assert apart == everything
+    assert "left out" not in CaseDataModule(case_folder).origin()

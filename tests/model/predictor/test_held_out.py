@@ -56,3 +56,19 @@ def test_motion_adds_to_the_loss_and_divergence_is_a_share(make_case, sample_of)
     assert found["future"] == pytest.approx(0.02)
     assert held.rolled == 3
     assert np.isfinite(list(found.values())).all()
+
+
+def test_what_several_processes_gather_counts_as_if_one_had(make_case, sample_of):
+    case = make_case(frames=4)
+    sample, whole, shares = sample_of(case), HeldOut(), (HeldOut(), HeldOut())
+    for number, (truth, said) in enumerate((((8, 9), (8, 10)), ((10, 11), (9, 12)), ((7, 12), (7, 8)))):
+        seen = look(case, sample, truth, said, 1.0, "right")
+        moved = None if number == 1 else Judged(0.1 * number, 0.2, 0.01, 0.02)
+        for held in (whole, shares[number % 2]):
+            held.add_beliefs(*seen, torch.tensor(float(number)))
+            held.add_motion(moved)
+    joined = HeldOut.joined(shares)
+    assert joined.rolled == 3
+    assert joined.figures(LossWeights()) == pytest.approx(whole.figures(LossWeights()))
+    assert shares[0].figures(LossWeights())["rank_right"] != joined.figures(LossWeights())["rank_right"]
+    assert whole.gathered() is whole
