@@ -12,7 +12,7 @@ from model.evaluation.bootstrap import Interval, interval, mean_difference, mean
 from model.evaluation.consistency import consistency
 from model.evaluation.protocol import GLOBALS, Setting
 from model.evaluation.records import Record, Scores
-from model.evaluation.truth import truth_scores
+from model.evaluation.truth import rank_lost, truth_scores
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,7 @@ METRICS = (
 )
 COMPARED = METRICS[:2]
 PARTS = "parts: error of ln E"
+RANK = "parts: rank correlation"
 TITLES = {
     "reconstruction": "Reconstruction and resimulation",
     "future": "Future (7:3 in time)",
@@ -200,8 +201,9 @@ def _differences(of: dict[str, list[Record]], settings: Sequence[Setting]) -> Ta
             )
         ours, theirs = (_part_errors(of[each]) for each in (first, name))
         cells.append(Cell(title, name, PARTS, mean_difference(ours, theirs), 2))
+        cells.append(Cell(title, name, RANK, rank_lost(of[first], of[name]), 2))
         rows.append((name, tuple(cells), ()))
-    return Table(title, (*columns, PARTS), tuple(rows))
+    return Table(title, (*columns, PARTS, RANK), tuple(rows))
 
 
 def _part_errors(records: Iterable[Record]) -> dict[tuple[str, str], float]:

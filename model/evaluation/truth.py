@@ -84,13 +84,8 @@ def _part_log_modulus(
 
 def truth_scores(records: Sequence[Record], seed: int = 0) -> TruthScores:
     """Score the parts of one method's records, with intervals over objects."""
-    groups: dict[str, list[tuple[float, float, float]]] = {}
-    for record in records:
-        for part in record.parts:
-            if part.log_truth is not None:
-                spread = float("nan") if part.log_spread is None else part.log_spread
-                groups.setdefault(record.object_name, []).append((part.log_truth, part.log_estimate, spread))
-    tables = [np.array(groups[name], np.float64) for name in sorted(groups)]
+    by_object = _by_object(records)
+    tables = [by_object[name] for name in sorted(by_object)]
     return TruthScores(
         rank=interval(tables, _rank, seed),
         error=interval(tables, _error, seed),
@@ -98,6 +93,26 @@ def truth_scores(records: Sequence[Record], seed: int = 0) -> TruthScores:
         coverage=interval(tables, _coverage, seed),
         parts=sum(len(table) for table in tables),
     )
+
+
+def rank_lost(first: Sequence[Record], second: Sequence[Record], seed: int = 0) -> Interval | None:
+    """How far the rank correlation of the second method is below that of the first, on objects of both."""
+    ours, theirs = _by_object(first), _by_object(second)
+    pairs = [(ours[name], theirs[name]) for name in sorted(ours.keys() & theirs.keys())]
+    return interval(
+        pairs, lambda drawn: _rank([one for one, _ in drawn]) - _rank([other for _, other in drawn]), seed
+    )
+
+
+def _by_object(records: Sequence[Record]) -> dict[str, Float64[Array, "n 3"]]:
+    """Truth, estimate and stated spread of every part whose truth is known."""
+    groups: dict[str, list[tuple[float, float, float]]] = {}
+    for record in records:
+        for part in record.parts:
+            if part.log_truth is not None:
+                spread = float("nan") if part.log_spread is None else part.log_spread
+                groups.setdefault(record.object_name, []).append((part.log_truth, part.log_estimate, spread))
+    return {name: np.array(rows, np.float64) for name, rows in groups.items()}
 
 
 def _joined(tables: Sequence[Float64[Array, "n 3"]]) -> tuple[Float64[Array, " m"], ...]:

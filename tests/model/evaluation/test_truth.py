@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import spearmanr
 
 from model.evaluation.records import PartRecord
-from model.evaluation.truth import truth_scores
+from model.evaluation.truth import rank_lost, truth_scores
 
 
 @pytest.fixture
@@ -57,3 +57,18 @@ def test_without_truth_nothing_is_known(records):
     assert found.rank is None
     assert found.error is None
     assert found.parts == 0
+
+
+def test_what_is_lost_in_rank_is_over_objects_of_both_and_paired(records):
+    rng = np.random.default_rng(2)
+    truth = rng.normal(0, 2, 60)
+    noisy = truth + rng.normal(0, 2, 60)
+    worse = noisy + rng.normal(0, 0.2, 60)
+    ours, theirs, other = (records(truth.tolist(), e.tolist()) for e in (truth, noisy, worse))
+    lost = rank_lost(ours, theirs[:50])
+    assert lost.value == pytest.approx(1.0 - spearmanr(truth[:50], noisy[:50]).statistic)
+    assert lost.objects == 50
+    # two methods that err alike are told apart more sharply than their own intervals say
+    close, alone = rank_lost(theirs, other), truth_scores(theirs).rank
+    assert close.high - close.low < 0.5 * (alone.high - alone.low)
+    assert rank_lost(ours, []) is None
