@@ -12,7 +12,13 @@ from model.bundle import TwinBundle
 from model.exports import exporter_of
 from model.exports.mechanics import roll
 
-SCRIPTS = {"mujoco": ["replay.py"], "newton": ["run.py", "--device", "cpu"]}
+OWN_CONTACT = "mujoco, own contact"
+"""The ground of `twin.xml` as MuJoCo simulates it, instead of the twin's impact that `replay.py` has."""
+SCRIPTS = {
+    "mujoco": ["replay.py"],
+    OWN_CONTACT: ["replay.py", "--ground", "contact"],
+    "newton": ["run.py", "--device", "cpu"],
+}
 """What an export is run by, and how, on the CPU."""
 
 
@@ -31,7 +37,7 @@ class Parity:
 
 def compare(twin: TwinBundle, simulator: str, folder: Path) -> Parity:
     """Export to `folder`, run the export's own script there as its user would, and compare."""
-    exporter_of(simulator)(twin, folder)
+    exporter_of(simulator.split(",")[0])(twin, folder)
     script, *options = SCRIPTS[simulator]
     out, started = folder / "trajectory.npz", time.monotonic()
     command = [sys.executable, str(folder / script), "--out", str(out), *options]

@@ -1,6 +1,7 @@
 """Small twins of three shapes, carried by their recorded hand: a sheet, a rope, a solid."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -25,11 +26,13 @@ def rope(ground: bool = False, size: int = 20) -> TwinBundle:
     return _twin("rope", places, reach=2.3, stiffness=40.0, mass=0.05, held=[0, 1, 2, 3], ground=ground)
 
 
-def solid(ground: bool = False, size: int = 5) -> TwinBundle:
+def solid(ground: bool = False, size: int = 5, restitution: float = 0.2) -> TwinBundle:
     """A block of `size`³ points that is carried by one edge, or falls."""
     places = _grid((size, size, size), 0.03)
     edge = [size**2 * i + size - 1 for i in range(size)]
-    return _twin("solid", places, reach=1.8, stiffness=60.0, mass=0.2, held=edge, ground=ground)
+    block = _twin("solid", places, reach=1.8, stiffness=60.0, mass=0.2, held=edge, ground=ground)
+    entries = {**block.parameters.globals, "restitution": Parameter(restitution, "1", "user")}
+    return replace(block, parameters=replace(block.parameters, globals=entries))
 
 
 SHAPES: dict[str, Callable[..., TwinBundle]] = {"sheet": sheet, "rope": rope, "solid": solid}

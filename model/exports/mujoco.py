@@ -43,6 +43,7 @@ class MujocoExporter(Exporter):
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
         """Write the folder `out`."""
         mechanics = mechanics_of(twin)
+        ground = mechanics.ground_height
         grips = mechanics.edges[mechanics.spring_count :]
         replay = {
             "times": mechanics.times,
@@ -51,6 +52,9 @@ class MujocoExporter(Exporter):
             "grips": np.stack([grips[:, 1] - len(mechanics.points), grips[:, 0]], axis=1),
             "dashpot_damping": np.array(mechanics.dashpot_damping),
             "substeps": np.array(mechanics.substeps),
+            "ground_height": np.array(np.nan if ground is None else ground),
+            "friction": np.array(mechanics.friction),
+            "restitution": np.array(mechanics.restitution),
         }
         document = write_document(mechanics, point_colors(twin), twin.manifest.id)
         files = {
@@ -168,8 +172,9 @@ def _readme(twin: "TwinBundle", mechanics: Mechanics, losses: tuple[str, ...]) -
     ]
     if mechanics.ground_height is not None:
         limits.append(
-            "A contact with the ground is a spring and a damper that take some steps, where the twin's is an "
-            "impact: a bounce comes some steps late, and a point sinks by what it moves in a step."
+            "MuJoCo's contact with the ground is a spring and a damper that take some steps, where the "
+            "twin's is an impact: a bounce comes some steps late, and a point sinks by what it moves in a "
+            "step. `replay.py` puts the twin's impact in its place, `replay.py --ground contact` does not."
         )
     if mechanics.collision_distance:
         limits.append("Points of the object pass through each other: the twin's self-contact is left out.")

@@ -2,8 +2,10 @@
 
     python replay.py                          # in MuJoCo's viewer, in real time where the machine keeps up
     python replay.py --out trajectory.npz     # without a viewer; writes times [T] and points [T, N, 3]
+    python replay.py --ground contact         # on the ground of twin.xml as MuJoCo simulates it
 
-Needs the packages mujoco and numpy.
+Without `--ground contact` the ground is the twin's: an impact, which MuJoCo does not have. Needs the packages
+mujoco and numpy.
 """
 
 import argparse
@@ -21,9 +23,12 @@ class Replay:
 
     The controllers are mocap bodies: MuJoCo knows where they are, but not how fast they move, so that the
     dampers between them and the points would see them at rest. `step` adds what is missing.
+
+    With `impact`, points meet the ground by the twin's own law, after each step, instead of by the contacts
+    of `twin.xml`, which are springs and dampers that take some steps.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, impact: bool = True) -> None:
         """Load `twin.xml` and `replay.npz`."""
         self.model: Any = mujoco.MjModel.from_xml_path(str(folder / "twin.xml"))
         self.data: Any = mujoco.MjData(self.model)
@@ -31,7 +36,12 @@ class Replay:
             self.rest, self.times, self.controls = motion["rest"], motion["times"], motion["controls"]
             self.grips, self.damping = motion["grips"], float(motion["dashpot_damping"])
             self.substeps = int(motion["substeps"])
+            self.ground, self.friction = float(motion["ground_height"]), float(motion["friction"])
+            self.restitution = float(motion["restitution"])
         self.count = len(self.rest)
+        self.impact = impact and bool(np.isfinite(self.ground))
+        if self.impact:
+            self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
 
     @property
     def points(self) -> np.ndarray:
@@ -51,6 +61,27 @@ class Replay:
             np.add.at(force, point, pull)
             self.data.qfrc_applied[: 3 * self.count] = force.ravel()
         mujoco.mj_step(self.model, self.data)
+        if self.impact:
+            self._meet_ground()
+
+    def _meet_ground(self) -> None:
+        """Turn back what has come below the ground in this step, from where it was before.
+
+        The normal speed is turned around and keeps its share; the tangential one loses what Coulomb's
+        friction takes of it.
+        """
+        dt, end = self.model.opt.timestep, 3 * self.count
+        speed = self.data.qvel[:end].reshape(-1, 3)
+        below = np.flatnonzero((self.points[:, 2] < self.ground) & (speed[:, 2] < 0.0))
+        if len(below):
+            before = speed[below]
+            after, approach = before.copy(), -before[:, 2]
+            slip = np.maximum(np.linalg.norm(before[:, :2], axis=1), 1e-12)
+            lost = self.friction * (1.0 + self.restitution) * approach / slip
+            after[:, :2] *= np.maximum(0.0, 1.0 - lost)[:, None]
+            after[:, 2] = self.restitution * approach
+            speed[below] = after
+            self.data.qpos[:end].reshape(-1, 3)[below] += dt * (after - before)
 
     def frame(self, number: int) -> None:
         """All time steps from frame `number` - 1 to frame `number` of the recorded motion."""
@@ -60,9 +91,8 @@ class Replay:
             self.step(before + (after - before) * (substep / self.substeps), speeds)
 
 
-def simulate(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+def simulate(replay: Replay) -> tuple[np.ndarray, np.ndarray]:
     """Times of the frames [s] and where the points are in each [m], shape [T, N, 3]."""
-    replay = Replay(folder)
     places = [replay.points.copy()]
     for number in range(1, len(replay.times)):
         replay.frame(number)
@@ -70,11 +100,10 @@ def simulate(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     return replay.times, np.stack(places)
 
 
-def show(folder: Path) -> None:
+def show(replay: Replay) -> None:
     """Play the motion in the viewer, over and over, until its window is closed."""
     import mujoco.viewer
 
-    replay = Replay(folder)
     with mujoco.viewer.launch_passive(replay.model, replay.data) as viewer:
         while viewer.is_running():
             mujoco.mj_resetData(replay.model, replay.data)
@@ -91,13 +120,20 @@ def main() -> None:
     """Read the arguments; replay."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, help="write the trajectory here instead of showing it")
-    out = parser.parse_args().out
-    folder = Path(__file__).resolve().parent
+    parser.add_argument(
+        "--ground",
+        choices=["impact", "contact"],
+        default="impact",
+        help="the twin's law, or MuJoCo's contact",
+    )
+    arguments = parser.parse_args()
+    out = arguments.out
+    replay = Replay(Path(__file__).resolve().parent, impact=arguments.ground == "impact")
     if out is None:
-        show(folder)
+        show(replay)
         return
     started = time.monotonic()
-    times, points = simulate(folder)
+    times, points = simulate(replay)
     with out.open("wb") as file:
         np.savez(file, times=times, points=points.astype(np.float32))
     taken = time.monotonic() - started
