@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from model.gap.blocks import block_length, drawn_frames, middle95
 from model.gap.confirm import Fitted
 from model.gap.forecast import Forecast, forecast
-from model.gap.observer import noise_of
+from model.gap.noise import noise_of
 from model.gap.schema import Closure
 from model.gap.study import Study
 from model.gap.transfer import Transferred

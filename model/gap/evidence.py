@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.effects.base import Effect
 from model.gap.estimate import STEPS, Misfit, Span
 from model.gap.screen import probes

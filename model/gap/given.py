@@ -10,8 +10,9 @@ from scipy.spatial import cKDTree
 
 from model.bundle import TwinBundle
 from model.formats.parameters import ground_height, scalar
-from model.gap.bodies.body import Body, first_places, grip_of
+from model.gap.bodies.body import Body, grip_of
 from model.gap.bodies.guess import guess_shape
+from model.gap.bodies.rest import rest_places
 from model.gap.graph import Graph
 from model.gap.plain import Matter, PlainTwin
 from model.gap.registration import onto_twin
@@ -97,7 +98,7 @@ def bound(
 def _body(graph: Graph, fine: Graph, observation: Observation) -> Body:
     """With the grip of the twin's own hand."""
     points, spacing = graph.points, graph.spacing
-    index, weight = bound(first_places(observation), points, spacing)
+    index, weight = bound(rest_places(observation), points, spacing)
     share: Float64[Array, " P"] = graph.mass / graph.mass.sum()
     shape = guess_shape(fine.points[:: math.ceil(len(fine.points) / LOOKED_AT)])
     return Body(shape, points, graph.springs, share, index, weight, graph.grip, spacing)

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from jaxtyping import Float64, Int64
 
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.coherence import Coherence, carried_noise, discoveries
 from model.gap.phases import Phase, phases
 from model.gap.regions import parts_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.effects import ALL_EFFECTS
 from model.gap.effects.base import Effect
 from model.gap.effects.self_collision import SelfContact

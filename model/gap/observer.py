@@ -1,22 +1,17 @@
 """A simulation that is led by an observation, and by how much it has to be led."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
 from torch import Tensor
 
-from model.gap.bodies.body import first_places
 from model.gap.world import World
 from model.simulator.simulator import Rollout
 from model.simulator.system import State
 from model.types import Observation
 
-QUIETEST = 5e-5
-"""No measurement is less noisy than this [m]."""
 LOST = 0.25
 """Innovations are bounded by this share of the object's size: beyond it a prediction is just wrong."""
 
@@ -117,26 +112,3 @@ class Observer:
             state.velocities + gain**2 / (2.0 - gain) / interval * moved,
             state.memory,
         )
-
-
-NEIGHBOURS = 6
-
-
-def noise_of(observation: Observation) -> float:
-    """Standard deviation of the measured places [m], from third differences in time, less the neighbours'.
-
-    Motion that is smooth over four frames, or that neighbours share, drops out; of independent noise is left
-    √20 times as much, and a little more for the neighbours'.
-    """
-    points = observation.points.astype(np.float64)
-    if len(points) < 4:
-        return QUIETEST
-    third = np.diff(points, n=3, axis=0)
-    count = min(NEIGHBOURS, points.shape[1] - 1)
-    if count > 1:
-        places = np.nan_to_num(first_places(observation), nan=1e3)
-        near = cKDTree(places).query(places, k=count + 1)[1][:, 1:]
-        third = third - third[:, near].mean(2)
-    excess = 20.0 * (1.0 + (1.0 / count if count > 1 else 0.0))
-    spread = float(np.nanmedian(np.abs(third))) if np.isfinite(third).any() else 0.0
-    return max(1.4826 * spread / math.sqrt(excess), QUIETEST)

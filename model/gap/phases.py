@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.spatial import cKDTree
 
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.bodies.neighbours import usual_distance
-from model.gap.observer import noise_of
+from model.gap.noise import noise_of
 from model.types import Array, Observation
 
 SHORTEST = 0.15

@@ -3,7 +3,8 @@
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from model.gap.bodies.body import Body, first_places
+from model.gap.bodies.body import Body
+from model.gap.bodies.first import first_places
 from model.types import Array, Observation
 
 APART = 0.3

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.types import Array, Observation
 
 SIZES = (0.2, 3.0)

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float64, Int64
 from torch import Tensor
 
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.effects.actuation_delay import ActuationDelay
 from model.gap.effects.base import Effect, Quantity
 from model.gap.estimate import LOOSE, Estimate, Misfit

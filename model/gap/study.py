@@ -9,7 +9,8 @@ from scipy.stats import qmc
 from model.gap.bodies.body import body_of
 from model.gap.estimate import FIRST_HORIZON, Estimate, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
-from model.gap.observer import Observer, noise_of
+from model.gap.noise import noise_of
+from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.types import Array, Observation
 

@@ -9,7 +9,8 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
-from model.gap.bodies.body import Body, first_places, grip_of
+from model.gap.bodies.body import Body, grip_of
+from model.gap.bodies.rest import rest_places
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
@@ -66,7 +67,7 @@ def transferred(study: Study, observation: Observation) -> Transferred:
         InputError: other points were tracked, or too few of them are seen in both.
     """
     twin = study.plain.twin
-    points = _posed(twin.body, first_places(study.observation), first_places(observation))
+    points = _posed(twin.body, rest_places(study.observation), rest_places(observation))
     turned = _held_alike(twin, study.observation, observation, points)
     twin = turned or _held_anew(twin, observation, points)
     world = replace(study.plain, twin=twin)

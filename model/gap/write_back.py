@@ -14,7 +14,7 @@ from torch import Tensor
 
 from model.bundle import TwinBundle
 from model.formats.parameters import encode_parameters
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.carried import record_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.bending_stiffness import BendingStiffness

@@ -8,7 +8,9 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.guess import Shape, guess_shape
-from model.gap.bodies.neighbours import farthest_points
+from model.gap.bodies.hidden import hidden_points
+from model.gap.bodies.neighbours import pairs_within
+from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import chain
 from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
@@ -16,6 +18,10 @@ from model.types import Array, Observation
 
 CORNERS = 6
 """An observed point is between this many mass points."""
+REACH = {"sheet": 1.75, "solid": 1.8}
+"""Spacings: points nearer than this are joined, in a sheet two rings of neighbours, in a solid all around."""
+LEAST = 6
+"""Neighbours that every point is joined to, however far."""
 SOFT = 0.01
 """How far weights give way that would have to be large."""
 
@@ -50,66 +56,27 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     Raises:
         InputError: fewer than three points are ever seen.
     """
-    seen = first_places(observation)
+    seen = rest_places(observation)
     places = seen[np.isfinite(seen[:, 0])]
     if len(places) < 3:
         raise InputError("points: fewer than three are ever seen: nothing to build a body of")
     controllers = observation.controllers[0].astype(np.float64)
     shape = shape or guess_shape(places)
-    if shape == "rope":
-        points, springs, spacing = chain(places, controllers, scale)
-    elif shape == "sheet":
-        points, springs, spacing = net(places, scale)
-    else:
-        points, springs, spacing = lattice(places, scale)
-    points, springs = _held_points(points, springs, controllers, spacing)
+    points, springs, spacing = _joined(shape, places, controllers, scale)
     index, weight = _between(seen, points)
     grip = grip_of(points, controllers, spacing)
     return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
 
 
-def first_places(observation: Observation) -> Float64[Array, "N 3"]:
-    """Where each point is in the first frame [m]; NaN for one that is never seen.
-
-    One that is hidden at first is put where it is first seen, less how far its neighbours have moved by then.
-    """
-    points: Float64[Array, "T N 3"] = observation.points.astype(np.float64)
-    seen = np.isfinite(points[..., 0])
-    places: Float64[Array, "N 3"] = points[0].copy()
-    known = np.flatnonzero(seen[0])
-    for i in np.flatnonzero(~seen[0] & seen.any(0)):
-        frame = int(seen[:, i].argmax())
-        both = known[seen[frame, known]]
-        if not len(both):
-            places[i] = points[frame, i]
-            continue
-        near = both[np.argsort(np.linalg.norm(points[frame, both] - points[frame, i], axis=1))[:4]]
-        places[i] = points[frame, i] - (points[frame, near] - points[0, near]).mean(0)
-    return places
-
-
-def _held_points(
-    points: Float64[Array, "P 3"],
-    springs: Int64[Array, "E 2"],
-    controllers: Float64[Array, "C 3"],
-    spacing: float,
-) -> tuple[Float64[Array, "p 3"], Int64[Array, "e 2"]]:
-    """A controller near the body, yet not at any point of it, gets a point of its own."""
-    if not len(controllers):
-        return points, springs
-    tree = cKDTree(points)
-    apart = tree.query(controllers)[0]
-    new = controllers[(apart > spacing) & (apart < 2.0 * spacing)]
-    if not len(new):
-        return points, springs
-    new = new[farthest_points(new, 0.5 * spacing)]
-    distance, near = tree.query(new, k=min(CORNERS, len(points)))
-    joined = [
-        (int(j), len(points) + i)
-        for i, (row, to) in enumerate(zip(near, distance, strict=True))
-        for j in row[to < 2.0 * to.min()]
-    ]
-    return np.concatenate([points, new]), np.concatenate([springs, np.array(joined, np.int64)])
+def _joined(
+    shape: Shape, places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float
+) -> tuple[Float64[Array, "P 3"], Int64[Array, "E 2"], float]:
+    """Points, springs and spacing [m], with what a hand hides."""
+    if shape == "rope":
+        return chain(places, controllers, scale)
+    points, spacing = (net if shape == "sheet" else lattice)(places, scale)
+    points = np.concatenate([points, hidden_points(points, controllers, shape, spacing)])
+    return points, pairs_within(points, REACH[shape] * spacing, least=LEAST), spacing
 
 
 def grip_of(

@@ -18,8 +18,11 @@ SLENDER = 0.05
 """Points of a slice of a rope are this near to each other, as a share of its length: 0.024 along it alone."""
 THIN, THICK = 0.06, 0.25
 """Thickness of the hull over the root of half its area: below the first a sheet, above the second a solid."""
-CLOSED = 0.75
-"""A surface this large, as a share of the hull's, goes around."""
+AROUND = 4
+"""Points, with itself, by which a point tells how much surface it stands for."""
+CLOSED = 0.58
+"""A surface this large, as a share of the hull's, goes around: a flat one has half of it, and what has limbs
+or hollows less than all."""
 
 
 def guess_shape(places: Float64[Array, "N 3"]) -> Shape:
@@ -43,6 +46,6 @@ def guess_shape(places: Float64[Array, "N 3"]) -> Shape:
     thickness = 2.0 * hull.volume / hull.area / np.sqrt(hull.area / 2.0)
     if thickness < THIN or thickness > THICK:
         return "sheet" if thickness < THIN else "solid"
-    reach = cKDTree(places).query(places, k=7)[0][:, -1]
-    surface = len(places) * float(np.median(np.pi * reach**2 / 7.0))
+    reach = cKDTree(places).query(places, k=AROUND)[0][:, -1]
+    surface = float((np.pi * reach**2 / AROUND).sum())
     return "solid" if surface > CLOSED * hull.area else "sheet"

@@ -8,9 +8,12 @@ from model.types import Array
 
 
 def farthest_points(places: Float64[Array, "N 3"], apart: float) -> Int64[Array, " n"]:
-    """Indices of points at least `apart` [m] from each other that cover all."""
-    chosen = [0]
-    distance = np.linalg.norm(places - places[0], axis=1)
+    """Indices of points at least `apart` [m] from each other that cover all, whatever their order.
+
+    The first is the one farthest from the middle.
+    """
+    chosen = [int(np.linalg.norm(places - places.mean(0), axis=1).argmax())]
+    distance = np.linalg.norm(places - places[chosen[0]], axis=1)
     while distance.max() > apart:
         chosen.append(int(distance.argmax()))
         distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))

@@ -1,10 +1,10 @@
-"""A solid: points on its surface and inside, joined to all their neighbours."""
+"""A solid: points on its surface and inside."""
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float64
 from scipy.spatial import ConvexHull, cKDTree
 
-from model.gap.bodies.neighbours import farthest_points, pairs_within, usual_distance
+from model.gap.bodies.neighbours import farthest_points, usual_distance
 from model.types import Array
 
 SOLID_POINTS = 110
@@ -15,10 +15,8 @@ SURROUNDED = 0.62
 """Share of directions in which a point inside meets the surface: one side may be hidden from a camera."""
 
 
-def lattice(
-    places: Float64[Array, "N 3"], scale: float
-) -> tuple[Float64[Array, "P 3"], Int64[Array, "E 2"], float]:
-    """Points, springs, and the spacing [m].
+def lattice(places: Float64[Array, "N 3"], scale: float) -> tuple[Float64[Array, "P 3"], float]:
+    """Points, and their spacing [m].
 
     Args:
         places: Seen points of the surface [m].
@@ -27,18 +25,28 @@ def lattice(
     hull = ConvexHull(places)
     spacing = scale * max(usual_distance(places), float(hull.volume / SOLID_POINTS) ** (1 / 3))
     surface = places[farthest_points(places, 0.75 * spacing)]
-    axes = [
-        np.arange(low + 0.5 * spacing, high, spacing)
-        for low, high in zip(places.min(0), places.max(0), strict=True)
-    ]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    grid = grid[(grid @ hull.equations[:, :3].T + hull.equations[:, 3] < -0.2 * spacing).all(1)]
+    # along the solid's own axes, so that it has the same inside however it lies
+    axes, middle = np.linalg.eigh(np.cov(places.T))[1], places.mean(0)
+    own = (places - middle) @ axes
+    grid = _grid(own, spacing)
+    there = grid @ axes.T + middle
+    grid = grid[(there @ hull.equations[:, :3].T + hull.equations[:, 3] < -0.2 * spacing).all(1)]
     if len(grid):
-        grid = grid[cKDTree(places).query(grid)[0] > 0.6 * spacing]
+        grid = grid[cKDTree(own).query(grid)[0] > 0.6 * spacing]
     if len(grid):
-        grid = grid[_surrounded(grid, places)]
-    points = np.concatenate([surface, grid])
-    return points, pairs_within(points, 1.8 * spacing, least=6), spacing
+        grid = grid[_surrounded(grid, own)]
+    return np.concatenate([surface, grid @ axes.T + middle]), spacing
+
+
+def _grid(places: Float64[Array, "N 3"], spacing: float) -> Float64[Array, "G 3"]:
+    """Points between the least and the largest coordinates, as far from one as from the other."""
+    low, high = places.min(0), places.max(0)
+    lines = []
+    for middle, size in zip((low + high) / 2, high - low, strict=True):
+        count = max(1, int(size / spacing))
+        lines.append(middle + spacing * (np.arange(count) - (count - 1) / 2))
+    grid: Float64[Array, "G 3"] = np.stack(np.meshgrid(*lines, indexing="ij"), -1).reshape(-1, 3)
+    return grid
 
 
 def _surrounded(grid: Float64[Array, "G 3"], places: Float64[Array, "N 3"]) -> Bool[Array, " G"]:

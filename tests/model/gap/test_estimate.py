@@ -10,7 +10,8 @@ from model.gap.bodies.body import body_of
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.estimate import Coordinates, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
-from model.gap.observer import Observer, noise_of
+from model.gap.noise import noise_of
+from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.screen import BLOCKS, screen
 from model.types import Observation

@@ -89,7 +89,7 @@ def test_turned_about_and_shuffled_it_is_the_same(hung, studied):
     values = {"viscoelasticity.branch": 5.0}
     found = locate(studied(hung, effect, values, noise=1e-6))
     again = locate(studied(other, effect, values, noise=1e-6))
-    # a sheet that swings freely tells one rounding error from another after a second
-    assert 0.5 * np.abs(again.points - found.points[order]).sum() < 0.03
-    assert 0.5 * np.abs(again.frames - found.frames).sum() < 0.03
+    # a sheet that swings freely tells one rounding error from another after a second, by some hundredths
+    assert 0.5 * np.abs(again.points - found.points[order]).sum() < 0.07
+    assert 0.5 * np.abs(again.frames - found.frames).sum() < 0.07
     assert [phase.name for phase in again.phases] == [phase.name for phase in found.phases]

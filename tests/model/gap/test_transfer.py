@@ -37,7 +37,8 @@ def test_mass_points_are_where_the_seen_points_say(sheet, bent):
         }
     )
     seen = made.sight(found.state.positions).double().numpy()
-    assert np.abs(seen - other.points[0]).max() < 2e-3
+    # told by all frames, of which most are bent: within three times the noise of the first
+    assert np.abs(seen - other.points[0]).max() < 3e-3
     assert not found.state.velocities.any()
     np.testing.assert_array_equal(found.twin.body.points, sheet.plain.twin.body.points)
     np.testing.assert_array_equal(found.twin.matter.mass, sheet.plain.twin.matter.mass)

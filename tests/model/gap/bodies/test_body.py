@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
-from model.gap.bodies.body import body_of, first_places
+from model.gap.bodies.body import body_of
+from model.gap.bodies.first import first_places
 from model.gap.bodies.guess import guess_shape
 from model.types import Observation
 
@@ -50,6 +51,20 @@ def test_knows_what_it_sees(name, request):
     for turn in Rotation.random(4, random_state=1):
         assert guess_shape(turn.apply(places) + np.array([1.0, 2.0, 3.0])) == name
     assert body_of(seen(places)).shape == name
+
+
+def test_what_has_limbs_is_a_solid_and_a_saddle_is_a_sheet(ball):
+    sizes = [np.array([1.0, 0.6, 0.5])] + 4 * [np.array([0.5, 0.35, 0.35])]
+    middles = np.array([[0, 0, 0], *[[x, y, 0] for x in (-0.1, 0.1) for y in (-0.08, 0.08)]])
+    plush = []
+    for size, middle in zip(sizes, middles, strict=True):
+        part = ball[:: 1 if size[0] == 1 else 2] * size + middle
+        depth = [(((part - at) / (0.0999 * own)) ** 2).sum(1) for own, at in zip(sizes, middles, strict=True)]
+        plush.append(part[np.min(depth, axis=0) > 1.0])
+    u, v = np.meshgrid(np.linspace(-0.15, 0.15, 14), np.linspace(-0.15, 0.15, 14))
+    saddle = np.stack([u, v, 3 * (u**2 - v**2)], -1).reshape(-1, 3)
+    assert guess_shape(np.concatenate(plush)) == "solid"
+    assert guess_shape(saddle) == "sheet"
 
 
 def test_markers_in_a_row_are_a_rope():
