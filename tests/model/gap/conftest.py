@@ -119,7 +119,16 @@ def _studied(still, effects=(), values=(), where=None, noise=5e-4, softer=0.1):
         points = world.sight(world.rollout().points).double().numpy()
     points = points + np.random.default_rng(1).normal(0, noise, points.shape)
     points[0] = still.points[0]
-    seen = replace(still, points=points.astype(np.float32))
+    return _study_of(replace(still, points=points.astype(np.float32)), twin, start, noise)
+
+
+@pytest.fixture(scope="session")
+def study_of():
+    """A function: what was seen and its twin, with these parameters, unfitted."""
+    return _study_of
+
+
+def _study_of(seen, twin, start, noise):
     twin = replace(twin, observation=seen)
     plain = Hypothesis(twin)
     observer = Observer(seen, plain.at(start), 0.3)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from model.gap.bodies.body import body_of
 from model.gap.effects import StrainStiffening, Viscoelasticity
 from model.gap.locate import locate
+from model.gap.plain import PlainTwin
 from model.gap.schema import Where
 
 STIFF = {"strain_stiffening.stiffening": 2000.0}
@@ -76,20 +78,20 @@ def test_frames_that_no_fit_sees_count(hung, studied):
     assert found.phases[-1].share > 0.5
 
 
-def test_turned_about_and_shuffled_it_is_the_same(hung, studied):
+def test_turned_about_and_shuffled_it_is_the_same(hung, studied, study_of):
     """A turn about the vertical and another order of points give the same shares."""
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]], np.float32)
     order = np.random.default_rng(5).permutation(hung.points.shape[1])
-    other = replace(
-        hung,
-        points=np.ascontiguousarray(hung.points[:, order] @ turn.T),
-        controllers=np.ascontiguousarray(hung.controllers @ turn.T),
-    )
-    effect = (Viscoelasticity(),)
-    values = {"viscoelasticity.branch": 5.0}
-    found = locate(studied(hung, effect, values, noise=1e-6))
-    again = locate(studied(other, effect, values, noise=1e-6))
-    # a sheet that swings freely tells one rounding error from another after a second, by some hundredths
-    assert 0.5 * np.abs(again.points - found.points[order]).sum() < 0.07
-    assert 0.5 * np.abs(again.frames - found.frames).sum() < 0.07
+
+    def other(seen):
+        points = np.ascontiguousarray(seen.points[:, order] @ turn.T)
+        return replace(seen, points=points, controllers=np.ascontiguousarray(seen.controllers @ turn.T))
+
+    study = studied(hung, (Viscoelasticity(),), {"viscoelasticity.branch": 5.0}, noise=1e-6)
+    still = other(hung)
+    twin = PlainTwin.of(body_of(still), still)
+    found, again = locate(study), locate(study_of(other(study.observation), twin, study.start, 1e-6))
+    # a sheet that swings freely tells one rounding error from another after a second
+    assert 0.5 * np.abs(again.points - found.points[order]).sum() < 0.03
+    assert 0.5 * np.abs(again.frames - found.frames).sum() < 0.03
     assert [phase.name for phase in again.phases] == [phase.name for phase in found.phases]
