@@ -1,5 +1,6 @@
 # syntax=docker/dockerfile:1
-# Two images of one source. `front` answers HTTP: no torch, no compiler. `worker` makes twins.
+# Two images of one source. `front` answers HTTP: no torch, no compiler. `worker` makes twins, and exports them in every
+# format, hence the extra `usd`.
 #
 #   docker build --target front  -t matphys-front .
 #   docker build --target worker -t matphys-worker .
@@ -14,7 +15,7 @@ COPY pyproject.toml constraints.txt ./
 COPY deploy/requirements.py deploy/
 # Dependencies first: they stay when only our own code changes.
 RUN python deploy/requirements.py > front.txt \
- && python -c "import tomllib; print('\n'.join(tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies']))" > worker.txt \
+ && python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; print('\n'.join(p['dependencies'] + p['optional-dependencies']['usd']))" > worker.txt \
  && python -m venv /opt/front \
  && /opt/front/bin/pip install --constraint constraints.txt --requirement front.txt \
  && python -m venv /opt/worker \
@@ -27,7 +28,7 @@ RUN /opt/worker/bin/pip wheel --no-deps --wheel-dir /wheels . \
  && /opt/front/bin/pip install --no-deps /wheels/*.whl \
  && /opt/worker/bin/pip install --no-deps /wheels/*.whl \
  && /opt/front/bin/python -c "import service.main, worker.inspection.__main__, worker.inspection.video, worker.inspection.depth, worker.inspection.controllers" \
- && /opt/worker/bin/python -c "import worker.main, model.pipeline, model.exports"
+ && /opt/worker/bin/python -c "import worker.main, model.pipeline, model.exports, pxr.UsdVol"
 
 FROM ${PYTHON_IMAGE} AS base
 ENV PYTHONUNBUFFERED=1

@@ -2,42 +2,87 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+from pydantic import JsonValue
 
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.parameters import gravity, ground_height
 from model.gap.bodies.guess import guess_shape
+from model.imagine import imagine
 from model.manifest import stiffness_record
 from model.predictor.prior_mean import POOLED, PriorMeanPredictor
+from model.predictor.trained import TrainedPredictor
 from model.priors.materials import MATERIALS, UNITS, typical
-from model.schema import PartRecord, PropertyRecord, content_id
+from model.schema import PartRecord, PropertyRecord, StageRecord, content_id
 from model.types import Estimate, MaterialPrior, Parameters, ShapeClass, Topology
 from model.version import __version__
 
 
+def predictor_named(wanted: str, twin: TwinBundle) -> TrainedPredictor | None:
+    """The network that `wanted` says; None: the prior's means.
+
+    Args:
+        wanted: `auto` (as `predictor_of` tells of the twin), `matphys`, `prior-mean`, or a file of a network.
+        twin: What is to be edited.
+
+    Raises:
+        InputError: no such predictor.
+    """
+    if wanted == "auto":
+        return predictor_of(twin)
+    if wanted == PriorMeanPredictor.name:
+        return None
+    if wanted != TrainedPredictor.name and not wanted.endswith(".safetensors"):
+        raise InputError(f"--predictor {wanted}: choose auto, matphys, prior-mean, or a .safetensors file")
+    return TrainedPredictor(None if wanted == TrainedPredictor.name else Path(wanted))
+
+
+def predictor_of(twin: TwinBundle) -> TrainedPredictor | None:
+    """The network that comes with the package, if a network made the twin; None: its mechanics are means."""
+    made = _made_by(twin)
+    predicted = any(entry.source == "predicted" for entry in twin.parameters.globals.values())
+    return TrainedPredictor() if made is not None and predicted else None
+
+
+def _made_by(twin: TwinBundle) -> StageRecord | None:
+    """The stage that predicted the twin's mechanics, if that was a network."""
+    stages = (stage for stage in twin.manifest.stages if stage.name == "parameters")
+    return next((stage for stage in stages if stage.method == TrainedPredictor.name), None)
+
+
 def edit_part(
-    twin: TwinBundle, part: int, material: str, shape_class: ShapeClass | None = None
+    twin: TwinBundle,
+    part: int,
+    material: str,
+    shape_class: ShapeClass | None = None,
+    predictor: TrainedPredictor | None = None,
 ) -> TwinBundle:
     """The twin with one part of another material, its springs predicted anew.
 
     The part's points weigh what that material weighs in the same volume. Springs with an end in the part and
-    controller springs that hold it are those that the twin pipeline's predictor gives for the new materials;
-    all others stay. Global parameters that come from the prior are predicted anew as well; those that were
-    fitted or given stay. What was measured of the old twin (metrics, preview) goes.
+    controller springs that hold it are predicted for the new materials; all others stay. Global parameters
+    that were predicted, or come from the prior, are predicted anew as well; those that were fitted or given
+    stay. What was measured of the old twin (metrics, preview) goes.
+
+    The prior's means of the new material come first. A network reads the motion of the object too, which is
+    that of the old material, and which a bundle does not keep; so it is asked about the motion that the twin
+    has with those means. Where that motion says nothing, the means stay, and a warning says so.
 
     Args:
         twin: From the pipeline, so that it says what its other parts are made of.
         part: Its number in `parts.json`.
         material: One of the ten.
         shape_class: What the object is; None: told from how its points lie.
+        predictor: A network; None: the prior's means are all. `predictor_of` tells what the twin was made by.
 
     Raises:
         InputError: no such part or material, or parts whose material prior the twin does not say.
 
     Reference:
-        As `model.predictor.prior_mean.PriorMeanPredictor`.
+        As `model.predictor.prior_mean.PriorMeanPredictor` and `model.predictor.network.PredictorNetwork`.
     """
     if material not in MATERIALS:
         raise InputError(f"--material {material}: choose one of {', '.join(MATERIALS)}")
@@ -49,24 +94,55 @@ def edit_part(
     distribution = np.array([float(name == material) for name in MATERIALS])
     after = list(before)
     after[part] = MaterialPrior(distribution, typical(material, shape), shape)
-    topology = _weighed(twin.topology, part, before[part], after[part])
-    predicted = PriorMeanPredictor().from_priors(
-        topology, after, shape, gravity(twin.parameters), ground_height(twin.parameters)
-    )
+    weighed = replace(twin, topology=_weighed(twin.topology, part, before[part], after[part]))
+    predicted, made = _predicted(weighed, part, after, shape, predictor)
     parameters = _mixed(twin, part, predicted)
     said = f"part {part} was made {material} by its user"
+    choice: dict[str, JsonValue] = {"part": part, "material": material, "shape": shape}
     manifest = twin.manifest.model_copy(
         update={
-            "id": content_id(
-                twin.manifest.id, {"part": part, "material": material, "shape": shape}, __version__
-            ),
+            "id": content_id(twin.manifest.id, choice | {"predictor": made.weights or ""}, __version__),
+            "stages": (*twin.manifest.stages, made),
             "warnings": (*twin.manifest.warnings, said, *predicted.warnings),
             "metrics": {},
         }
     )
-    parts = _records(twin.parts, part, after[part], topology, parameters)
-    return replace(
-        twin, manifest=manifest, topology=topology, parameters=parameters, parts=parts, preview=None
+    parts = _records(twin.parts, part, after[part], weighed.topology, parameters)
+    return replace(weighed, manifest=manifest, parameters=parameters, parts=parts, preview=None)
+
+
+def _predicted(
+    weighed: TwinBundle,
+    part: int,
+    priors: Sequence[MaterialPrior],
+    shape: ShapeClass,
+    predictor: TrainedPredictor | None,
+) -> tuple[Parameters, StageRecord]:
+    """The mechanics of a twin whose points weigh what they will, and what they came from."""
+    first, means = _means(weighed, priors, shape), PriorMeanPredictor
+    fallback = StageRecord(name="edit", method=means.name, version=means.version)
+    if predictor is None:
+        return first, fallback
+    imagined = replace(weighed, parameters=_mixed(weighed, part, first), effects=())
+    try:
+        predicted = predictor(imagine(imagined, priors, shape))
+    except InputError as error:
+        doubt = f"edit: the prior's means are used, for the motion says nothing: {error}"
+        return replace(first, warnings=(*first.warnings, doubt)), fallback
+    made = StageRecord(
+        name="edit", method=predictor.name, version=predictor.version, weights=predictor.weights
+    )
+    others = _made_by(weighed)
+    if others is not None and others.weights != made.weights:
+        doubt = f"edit: the other springs are from another predictor ({(others.weights or 'unknown')[:12]})"
+        predicted = replace(predicted, warnings=(*predicted.warnings, doubt))
+    return predicted, made
+
+
+def _means(twin: TwinBundle, priors: Sequence[MaterialPrior], shape: ShapeClass) -> Parameters:
+    parameters = twin.parameters
+    return PriorMeanPredictor().from_priors(
+        twin.topology, priors, shape, gravity(parameters), ground_height(parameters)
     )
 
 
@@ -92,13 +168,13 @@ def _weighed(topology: Topology, part: int, before: MaterialPrior, after: Materi
 
 
 def _mixed(twin: TwinBundle, part: int, predicted: Parameters) -> Parameters:
-    """New values where the part is, and where the prior speaks for the whole."""
+    """New values where the part is, and where a prediction speaks for the whole."""
     topology, old = twin.topology, twin.parameters
     touched = (topology.part[topology.springs] == part).any(axis=1)
     held = topology.part[topology.controller_springs[:, 1]] == part
     entries = dict(old.globals)
     for name in ("dashpot_damping", *POOLED):
-        if name in entries and entries[name].source == "prior":
+        if name in entries and entries[name].source in ("prior", "predicted"):
             entries[name] = predicted.globals[name]
     return replace(
         old,

@@ -26,18 +26,29 @@ from model.types import ShapeClass
     help="What the object is, which says how springs share a modulus.",
 )
 @click.option(
+    "--predictor",
+    default="auto",
+    metavar="NAME|FILE",
+    help="Who predicts: auto (as the twin was made), matphys, prior-mean, or a file of `matphys fit`.",
+)
+@click.option(
     "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
 )
-def edit(twin: Path, part: int, material: str, out: Path, shape: str, as_json: bool) -> None:
-    """Make a part of TWIN of another material: its springs are predicted anew."""
+def edit(twin: Path, part: int, material: str, out: Path, shape: str, predictor: str, as_json: bool) -> None:
+    """Make a part of TWIN of another material: its springs are predicted anew.
+
+    A twin keeps no motion of its object, and that was the old material's anyway: the trained predictor is
+    asked about the motion that the twin has with the new material's usual properties. A twin whose mechanics
+    are the material prior's means gets those of the new material.
+    """
     check_outputs(twin, out)
     from model.bundle import TwinBundle
-    from model.edit import edit_part
+    from model.edit import edit_part, predictor_named
 
     before = TwinBundle.load(twin)
     with collect_doubts() as doubts:
         shape_class = None if shape == "auto" else cast(ShapeClass, shape)
-        after = edit_part(before, part, material, shape_class)
+        after = edit_part(before, part, material, shape_class, predictor_named(predictor, before))
         after.save(out)
     inside = before.topology.part == part
     springs = inside[before.topology.springs].any(axis=1)

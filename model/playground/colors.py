@@ -39,18 +39,18 @@ class Colors:
     """Colours of the Gaussians of a twin.
 
     Args:
-        bundle: The twin as it came.
+        bundle: The twin as it came. May be set to the same twin of other materials.
         where: What a gap report says of its points.
     """
 
     def __init__(self, bundle: TwinBundle, where: Where | None = None) -> None:
         """See the class."""
-        self._bundle, self._where = bundle, where
+        self.bundle, self._where = bundle, where
         self._makers: Mapping[ColorBy, Callable[[Settings, Array], Float[Array, "N 3"]]] = {
-            "part": lambda settings, points: _palette(part_count(bundle))[bundle.topology.part],
-            "material": lambda settings, points: self._materials()[bundle.topology.part],
+            "part": lambda settings, points: _palette(part_count(self.bundle))[self.bundle.topology.part],
+            "material": lambda settings, points: self._materials()[self.bundle.topology.part],
             "stiffness": lambda settings, points: self._stiffness(settings),
-            "strain": lambda settings, points: _scale(strain(bundle, points) / STRAINED),
+            "strain": lambda settings, points: _scale(strain(self.bundle, points) / STRAINED),
             "gap": lambda settings, points: _scale(self._reported().gap),
             "effect": lambda settings, points: _scale(self._reported().effect),
         }
@@ -67,21 +67,21 @@ class Colors:
     ) -> Float32[Array, "G 3"]:
         """RGB, 0..1, with the points at `points` [m]."""
         if by == "appearance":
-            return self._bundle.gaussians.colors
-        return on_gaussians(self._bundle, self._makers[by](settings, points).astype(np.float32))
+            return self.bundle.gaussians.colors
+        return on_gaussians(self.bundle, self._makers[by](settings, points).astype(np.float32))
 
     def legend(self, by: ColorBy, settings: Settings) -> Legend:
         """What the colours mean; empty where they speak for themselves."""
-        parts = self._bundle.parts
+        parts = self.bundle.parts
         if by == "appearance":
             return ()
         if by == "part":
             names = [str(part.label) for part in parts] or [
-                f"part {i}" for i in range(part_count(self._bundle))
+                f"part {i}" for i in range(part_count(self.bundle))
             ]
             return tuple(zip(names, map(_rgb, _palette(len(names))), strict=True))
         if by == "material":
-            found = dict.fromkeys(material_of(self._bundle, part) for part in range(part_count(self._bundle)))
+            found = dict.fromkeys(material_of(self.bundle, part) for part in range(part_count(self.bundle)))
             return tuple((name or "not known", _material_color(name)) for name in found)
         low, high = {
             "stiffness": [f"{value:.3g} N/m" for value in self._range(settings)],
@@ -93,17 +93,17 @@ class Colors:
         return ((low, _rgb(ends[0])), (high, _rgb(ends[1])))
 
     def _materials(self) -> Float[Array, "K 3"]:
-        count = part_count(self._bundle)
-        return np.array([_material_color(material_of(self._bundle, part)) for part in range(count)])
+        count = part_count(self.bundle)
+        return np.array([_material_color(material_of(self.bundle, part)) for part in range(count)])
 
     def _stiffness(self, settings: Settings) -> Float[Array, "N 3"]:
-        stiffness = np.log(scaled_stiffness(self._bundle, settings.stiffness).astype(np.float64))
+        stiffness = np.log(scaled_stiffness(self.bundle, settings.stiffness).astype(np.float64))
         low, high = np.log(self._range(settings))
-        return _scale((on_points(self._bundle, stiffness) - low) / max(high - low, 1e-9))
+        return _scale((on_points(self.bundle, stiffness) - low) / max(high - low, 1e-9))
 
     def _range(self, settings: Settings) -> tuple[float, float]:
         """The stiffness [N/m] at both ends of the scale."""
-        stiffness = scaled_stiffness(self._bundle, settings.stiffness)
+        stiffness = scaled_stiffness(self.bundle, settings.stiffness)
         low, high = np.quantile(stiffness, (0.02, 0.98)) if len(stiffness) else (1.0, 1.0)
         return float(low), float(high)
 

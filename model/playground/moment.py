@@ -33,5 +33,5 @@ class Moment:
     """Effects that cannot act as things are."""
     building: bool = False
     """A simulator is being made; the first time that a kind of it is asked for, it is compiled."""
-    recoveries: int = 0
-    """How often a motion went wrong, so that settings came back to earlier ones."""
+    resets: int = 0
+    """How often settings came from elsewhere than the user: a motion went wrong, a material was changed."""

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from model.bundle import TwinBundle
 from model.errors import InputError
-from model.gap.bodies.body import first_places
+from model.gap.bodies.first import first_places
 from model.gap.schema import GapReport
 from model.observation import read_observation
 from model.playground.colors import Where

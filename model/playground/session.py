@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
@@ -66,7 +66,7 @@ class Session:
         self._commands = SimpleQueue[Callable[[], None]]()
         self._wishes = _Wishes(settings_of(bundle))
         self._settings = self._trusted = self._wishes.settings
-        self._recoveries = 0
+        self._resets = 0
         self._grips: dict[int, Grip] = {}
         self._numbers = self._frame = 0
         self._running, self._hand = True, len(bundle.topology.controller_springs) > 0
@@ -120,6 +120,10 @@ class Session:
         """Let time go on, or stand still."""
         self._commands.put(partial(self._run, running))
 
+    def remake(self, bundle: TwinBundle) -> None:
+        """Go on with the same twin of other materials; what the user has set stays set."""
+        self._commands.put(partial(self._remake, bundle))
+
     def edited(self) -> TwinBundle:
         """The twin with the settings of now."""
         return edited(self.bundle, self.moment.settings)
@@ -167,7 +171,7 @@ class Session:
         self._frame += 1
 
     def _recover(self, message: str) -> None:
-        self._message, self._recoveries = message, self._recoveries + 1
+        self._message, self._resets = message, self._resets + 1
         self._settings = self._wishes.settings = self._trusted
         self._restart(False)
         self._build()
@@ -202,7 +206,7 @@ class Session:
             speed=self._pulse.speed if self._running else None,
             message=self._message,
             idle=self.actors[-1].idle,
-            recoveries=self._recoveries,
+            resets=self._resets,
         )
 
     def _change(self, settings: Mapping[str, Any]) -> None:
@@ -212,6 +216,15 @@ class Session:
         numbers = list(getattr(self._wishes.settings, name))
         numbers[index] = value
         self._change({name: tuple(numbers)})
+
+    def _remake(self, bundle: TwinBundle) -> None:
+        before, wished = asdict(settings_of(self.bundle)), asdict(self._wishes.settings)
+        mine = {name: value for name, value in wished.items() if value != before[name]}
+        self.bundle = bundle
+        for actor in self.actors:
+            actor.bundle = bundle
+        self._wishes.settings = self._settings = self._trusted = replace(settings_of(bundle), **mine)
+        self._wishes.rebuild, self._resets = True, self._resets + 1
 
     def _grab(self, actor: int, origin: Float64[Array, " 3"], direction: Float64[Array, " 3"]) -> None:
         positions = self.actors[actor].positions

@@ -6,11 +6,13 @@ from click.testing import CliRunner
 
 from model.bundle import TwinBundle
 from model.cli import matphys
-from model.edit import edit_part
+from model.edit import edit_part, predictor_named, predictor_of
 from model.errors import InputError
+from model.imagine import imagine
 from model.predictor.prior_mean import PriorMeanPredictor
+from model.predictor.trained import TrainedPredictor
 from model.priors.materials import MATERIALS, typical
-from model.schema import PartRecord, PropertyRecord
+from model.schema import PartRecord, PropertyRecord, StageRecord
 from model.types import MaterialPrior, Parameter
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -36,6 +38,25 @@ def twin(twin_path) -> TwinBundle:
     priors = [MaterialPrior(fabric, properties, "solid")] * 2
     predicted = PriorMeanPredictor().from_priors(bundle.topology, priors, "solid", GRAVITY, None)
     return replace(bundle, parts=records, parameters=predicted)
+
+
+@pytest.fixture(scope="module")
+def network():
+    return TrainedPredictor()
+
+
+@pytest.fixture
+def learned(twin, network) -> TwinBundle:
+    """The same, as a twin whose mechanics a network has predicted."""
+    made = StageRecord(name="parameters", method="matphys", version="1", weights=network.weights)
+    entries = {
+        name: replace(entry, source="predicted")
+        if name in ("dashpot_damping", "drag_rate", "friction", "restitution")
+        else entry
+        for name, entry in twin.parameters.globals.items()
+    }
+    manifest = twin.manifest.model_copy(update={"stages": (made,)})
+    return replace(twin, manifest=manifest, parameters=replace(twin.parameters, globals=entries))
 
 
 def test_the_springs_of_the_part_are_the_predictors_and_the_others_stay(twin):
@@ -84,6 +105,55 @@ def test_the_twin_says_so_loads_and_moves(twin, tmp_path):
     assert "part 1 was made rubber by its user" in again.manifest.warnings
     assert again.manifest.id != twin.manifest.id
     assert np.isfinite(again.rollout().points).all()
+
+
+def test_a_network_that_made_the_twin_is_asked_again(learned, network):
+    assert predictor_of(learned).weights == network.weights
+    means, after = (edit_part(learned, 1, "rubber", "solid", asked) for asked in (None, network))
+    inside = learned.topology.part == 1
+    touched = inside[learned.topology.springs].any(axis=1)
+    priors = [
+        MaterialPrior(np.eye(10)[MATERIALS.index(name)], typical(name, "solid"), "solid")
+        for name in ("fabric", "rubber")
+    ]
+    expected = network(imagine(means, priors, "solid"))
+    np.testing.assert_allclose(after.parameters.stiffness[touched], expected.stiffness[touched], rtol=1e-4)
+    np.testing.assert_array_equal(
+        after.parameters.stiffness[~touched], learned.parameters.stiffness[~touched]
+    )
+    assert not np.allclose(means.parameters.stiffness[touched], expected.stiffness[touched], rtol=1e-2)
+    assert after.parameters.stiffness[touched].mean() > 3 * learned.parameters.stiffness[touched].mean()
+    assert after.parameters.globals["friction"].source == "predicted"
+    assert after.parameters.globals["friction"].value == pytest.approx(
+        expected.globals["friction"].value, rel=1e-4
+    )
+    last = after.manifest.stages[-1]
+    assert (last.name, last.method, last.weights) == ("edit", "matphys", network.weights)
+
+
+def test_motion_that_says_nothing_leaves_the_means_and_a_warning(learned, network):
+    short = replace(learned, controls=learned.controls[:3])
+    after, means = (edit_part(short, 1, "rubber", "solid", asked) for asked in (network, None))
+    np.testing.assert_array_equal(after.parameters.stiffness, means.parameters.stiffness)
+    assert after.manifest.stages[-1].method == "prior-mean"
+    assert "the prior's means are used" in after.manifest.warnings[-1]
+
+
+def test_springs_of_two_predictors_are_told(learned, network):
+    other = learned.manifest.stages[0].model_copy(update={"weights": "0" * 64})
+    mixed = replace(learned, manifest=learned.manifest.model_copy(update={"stages": (other,)}))
+    line = "edit: the other springs are from another predictor (000000000000)"
+    assert line in edit_part(mixed, 1, "rubber", "solid", network).manifest.warnings
+    assert line not in edit_part(learned, 1, "rubber", "solid", network).manifest.warnings
+
+
+def test_who_predicts_is_as_the_user_says(twin, learned):
+    assert predictor_named("auto", twin) is None
+    assert predictor_named("auto", learned) is not None
+    assert predictor_named("prior-mean", learned) is None
+    assert predictor_named("matphys", twin) is not None
+    with pytest.raises(InputError, match=r"--predictor oracle: choose auto, matphys, prior-mean, or a"):
+        predictor_named("oracle", twin)
 
 
 @pytest.mark.parametrize(

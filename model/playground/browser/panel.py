@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from model.playground.browser.materials import MaterialPicker
 from model.playground.browser.scene import Scene
 from model.playground.colors import ColorBy, Legend
 from model.playground.moment import Moment
@@ -44,7 +45,7 @@ class Panel:
         self._recording, self._name = recording, name.name.removesuffix(".twin.zip").removesuffix(".zip")
         self._colors = scene.colors
         self.color_by: ColorBy = "appearance"
-        self._told, self._drawing, self._recoveries = 0.0, "", 0
+        self._told, self._drawing, self._resets = 0.0, "", 0
         self._shown: list[tuple[Any, Callable[[Settings], object]]] = []
         server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="medium")
         self._state = server.gui.add_markdown("")
@@ -52,6 +53,7 @@ class Panel:
         self._add_colors()
         self._add_surroundings(session.moment.settings)
         self._add_material(session.moment.settings)
+        self._materials = MaterialPicker(server.gui, session, scene.colors)
         self._add_results()
         server.gui.add_markdown(HELP)
 
@@ -62,10 +64,11 @@ class Panel:
             return
         self._told = now
         _set(self._state, "content", state_text(moment, self._drawing))
-        if moment.recoveries != self._recoveries:
-            self._recoveries = moment.recoveries
+        if moment.resets != self._resets:
+            self._resets = moment.resets
             for handle, value in self._shown:
-                handle.value = value(moment.settings)
+                _put(handle, value(moment.settings))
+            self._explain(moment.settings)
         self._run.label = "Pause" if moment.running else "Go on"
         self._free.disabled = not moment.hand
         self._record.label = record_label(self._recording)
@@ -88,9 +91,11 @@ class Panel:
         @choice.on_update
         def _(event: object) -> None:
             self.color_by = choice.value
-            self._legend.content = legend_html(
-                self._colors.legend(choice.value, self._session.moment.settings)
-            )
+            self._explain(self._session.moment.settings)
+
+    def _explain(self, settings: Settings) -> None:
+        """Say what the colours mean."""
+        _set(self._legend, "content", legend_html(self._colors.legend(self.color_by, settings)))
 
     def _add_surroundings(self, settings: Settings) -> None:
         gui, change, one = self._gui, self._session.change, self._session.change_one
@@ -223,6 +228,13 @@ def _speed(speed: float) -> str:
 
 def _item(name: str, index: int, settings: Settings) -> float:
     return float(getattr(settings, name)[index])
+
+
+def _put(handle: Any, value: Any) -> None:  # noqa: ANN401 - viser's own handle
+    """Show a value, also one that a slider did not go to."""
+    if hasattr(handle, "min") and isinstance(value, float):
+        handle.min, handle.max = min(handle.min, value), max(handle.max, value)
+    handle.value = value
 
 
 def _set(handle: Any, name: str, value: object) -> None:  # noqa: ANN401 - viser's own handle

@@ -49,7 +49,7 @@ class Playground:
         recording = Recording(session.interval)
         self.scene = Scene(self.server, session, colors)
         self._panel = Panel(self.server, session, self.scene, recording, name)
-        self._recording = recording
+        self.recording = recording
 
     def run(self) -> None:
         """Simulate and send until `stop`; what goes wrong in the simulation is raised here."""
@@ -82,7 +82,7 @@ class Playground:
 
     def _move(self) -> None:
         try:
-            self.session.keep_going(self._stop, lambda m: self._recording.see(m, self._panel.color_by))
+            self.session.keep_going(self._stop, lambda m: self.recording.see(m, self._panel.color_by))
         except BaseException as error:
             self._failure = error
             self._stop.set()

@@ -7,6 +7,7 @@ import pytest
 
 from model.errors import InputError
 from model.playground.session import WITHOUT, Session
+from model.types import Parameter
 
 
 def test_the_recorded_motion_is_that_of_a_rollout(plain_twin, steps):
@@ -154,7 +155,7 @@ def test_what_leaves_the_numbers_starts_again_from_rest_and_says_why(session, st
     session.change(gravity=(0.0, 0.0, -1e30))
     moment = steps(session, 10)
     assert "back to rest" in moment.message
-    assert moment.recoveries == 1
+    assert moment.resets == 1
     assert moment.settings.gravity == (0.0, 0.0, -9.81)
     assert np.isfinite(steps(session, 5).points[0]).all()
 
@@ -174,3 +175,21 @@ def test_it_runs_in_real_time_and_hears_other_threads(session):
     assert session.moment.frame <= 30 * (time.monotonic() - started + 1.0)
     assert session.moment.settings.friction == 0.7
     assert len(seen) >= 30
+
+
+def test_another_material_takes_effect_and_what_the_user_set_stays(session, steps):
+    session.change(friction=0.9, drag_rate=5.0)
+    before = steps(session, 80)
+    bundle = session.bundle
+    entries = bundle.parameters.globals | {"restitution": Parameter(0.3, "1", "predicted")}
+    stiff = replace(bundle.parameters, stiffness=5 * bundle.parameters.stiffness, globals=entries)
+    session.remake(replace(bundle, parameters=stiff))
+    after = steps(session, 1)
+    assert after.resets == before.resets + 1
+    assert (after.settings.friction, after.settings.restitution) == (0.9, 0.3)
+    assert after.settings.stiffness == before.settings.stiffness
+    np.testing.assert_array_equal(session.edited().parameters.stiffness, stiff.stiffness)
+    assert session.edited().parameters.globals["friction"].source == "user"
+    assert session.edited().parameters.globals["restitution"].source == "predicted"
+    hanging = steps(session, 80).points[0]
+    assert hanging[:, 2].mean() > before.points[0][:, 2].mean() + 0.01
