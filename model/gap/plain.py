@@ -29,6 +29,8 @@ SHORTEST = 0.3
 """No rest length is below this share of the length in the first frame."""
 FARTHEST = 0.5
 """Spacings: no spring of a hand is stretched by more than this in the first frame."""
+FIRM = 0.5
+"""Springs of a hand are at least this stiff against those of the object: it holds, it does not dangle."""
 SAME_HAND = 2.5
 """Spacings: controllers nearer than this belong to one hand."""
 UPRIGHT = {"rope": 2, "sheet": 3, "solid": 5}
@@ -141,7 +143,7 @@ class PlainTwin:
             "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
         }
         if len(self.body.grip):
-            own["grip"] = _reaching("1", (0.05, 50.0), start["grip"], log=True)
+            own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
             if self.matter.grip_distance is not None:
                 own["reach"] = Quantity("1", (0.2, 1.2), start["reach"])
         if self.observation.ground_height is not None:

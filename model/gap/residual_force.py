@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 import torch
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 from torch import Tensor
 
 from model.gap.effects.base import (
@@ -44,6 +44,8 @@ RATE = 3.0
 """At about this strain rate [1/s] as well."""
 FAST, SLOW, LASTING = 0.1, 0.6, 3.0
 """Times [s] in which the memories of a spring follow its strain."""
+DAMPED = 0.4
+"""Share of the critical damping of a spring that the unit of its rate has at most, as of the plain twin."""
 STILL = 0.02
 """Speed [m/s] below which a point on the ground sticks."""
 GRAVITY = 9.81
@@ -245,9 +247,18 @@ class ResidualMaterial(Effect):
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Add to every spring."""
         along, across = _lies(world).T
+        stiffness = spring_stiffness(world)
+        weights = {**values, "viscous": values["viscous"] * _viscous_share(world, stiffness)}
         return world.with_force(
-            LearnedTension(stiffness=spring_stiffness(world), lies_along=along, lies_across=across, **values)
+            LearnedTension(stiffness=stiffness, lies_along=along, lies_across=across, **weights)
         )
+
+
+def _viscous_share(world: World, stiffness: Float[Tensor, "*b E"]) -> Tensor:
+    """Of a stiff spring, whose viscosity would else ask for thousands of steps a frame: `DAMPED`."""
+    usual = stiffness.mean(-1, keepdim=stiffness.ndim > 1).clamp_min(1e-9)
+    most = DAMPED * 2.0 * torch.sqrt(usual * mass_of(world).mean())
+    return torch.clamp(most / (usual * STRAIN / RATE), max=1.0)
 
 
 class ResidualAir(Effect):

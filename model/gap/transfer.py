@@ -1,6 +1,7 @@
 """A fitted body in another recording of the same object, in which the same points were tracked."""
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,26 +12,39 @@ from scipy.spatial.transform import Rotation
 from model.errors import InputError
 from model.gap.bodies.body import Body, grip_of
 from model.gap.bodies.rest import rest_places
+from model.gap.estimate import Misfit, Span, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
+from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.prestress import Rest
-from model.gap.study import PATIENCE, Study
+from model.gap.study import LEAST_NOISE, PATIENCE, STEPS, Study
 from model.simulator.system import State
 from model.types import Array, Observation
 
 SETTLING = 2.0
 """Patiences of the observer, in which a body comes to terms with the pose in which it is found."""
-ROUNDS = 8
-"""Of moving the mass points until the observed points are where they are seen."""
+LOOKED_AT = 0.2
+"""Share of the frames, the first, that the recording's own is fitted to; those after it are foretold."""
+RECORDINGS_OWN = ("grip", "reach", "prestress")
+"""Quantities that are of a recording, not of the object."""
+LEAST_FRAMES = 6
+"""Fewer tell nothing."""
+UNBENT = 0.3
+"""How much mass points are moved alike, against where the observed points are seen: those that nobody sees go
+with their neighbours, and noise does not crumple the body."""
 SAME_HAND = 0.5
 """Spacings: controllers this near to where the body takes those of the first recording hold the same."""
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """The other recording, and how to make worlds for it: nothing of the object is fitted to it."""
+    """The other recording, and how to make worlds for it: nothing of the object is fitted to it.
+
+    How a hand holds it there, and how much it is at rest at first, is the recording's own: that is fitted,
+    with the plain twin, to frames before the first that is foretold.
+    """
 
     twin: PlainTwin
     """The same body, held as it is held there."""
@@ -39,6 +53,8 @@ class Transferred:
     observer: Observer
     first: int
     """The first frame that is foretold."""
+    own: Mapping[str, float]
+    """Values of what is the recording's own."""
 
     def forecast(self, hypothesis: Hypothesis, values: dict[str, float]) -> Forecast:
         """What a twin foretells there that was fitted to the first recording.
@@ -53,6 +69,7 @@ class Transferred:
         able = tuple(effect for effect in hypothesis.effects if effect.unable(usual) is None)
         here = replace(hypothesis, twin=self.twin, effects=able)
         known = {name: values.get(name, quantity.start) for name, quantity in here.quantities.items()}
+        known |= self.own
         return forecast(self.observer, here.at(known), self.first, self.state)
 
 
@@ -60,27 +77,51 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     """The body of a study in another recording of its object.
 
     Rest shape, masses and rest lengths are those of the first recording. The first frame may show another
-    pose: the body is turned and shifted onto it as a whole, then each mass point moves as the observed points
-    near it do, and it starts at rest. What the hand holds is found anew.
+    pose: the body is turned and shifted onto it as a whole, then the mass points move to where the observed
+    points are seen, each much like those it is joined to, and it starts at rest. What the hand holds is found
+    anew.
 
     Raises:
         InputError: other points were tracked, or too few of them are seen in both.
     """
     twin = study.plain.twin
-    points = _posed(twin.body, rest_places(study.observation), rest_places(observation))
+    points = _posed(twin.body, _sure(study.observation), _sure(observation))
     turned = _held_alike(twin, study.observation, observation, points)
     twin = turned or _held_anew(twin, observation, points)
     world = replace(study.plain, twin=twin)
     made = world.at({name: study.base.values.get(name, q.start) for name, q in world.quantities.items()})
     places = torch.from_numpy(points).to(made.system.points)
     times = observation.times - observation.times[0]
-    first = int(np.searchsorted(times, SETTLING * PATIENCE))
-    return Transferred(
-        twin,
-        State(places, torch.zeros_like(places)),
-        Observer(observation, made, PATIENCE),
-        max(1, min(first, len(times) // 2)),
-    )
+    first = max(int(np.searchsorted(times, SETTLING * PATIENCE)), round(LOOKED_AT * len(times)))
+    first = max(1, min(first, len(times) // 2))
+    state, observer = State(places, torch.zeros_like(places)), Observer(observation, made, PATIENCE)
+    return Transferred(twin, state, observer, first, _own(study, world, state, observer, first))
+
+
+def _own(
+    study: Study, plain: Hypothesis, state: State, observer: Observer, first: int
+) -> Mapping[str, float]:
+    """How a hand holds the object there, and how much that is at rest, by the frames before `first`."""
+    names = [name for name in RECORDINGS_OWN if name in plain.quantities]
+    # what the first recording has no ground or no grip to tell is not known of the object either
+    names += [name for name in plain.quantities if name not in study.base.values and name not in names]
+    if plain.twin.matter.grip_distance is None or not names or first < LEAST_FRAMES:
+        return {}
+    known = {name: study.base.values[name] for name in plain.quantities if name not in names}
+    noise = max(noise_of(plain.twin.observation), LEAST_NOISE)
+    misfit = Misfit(plain.holding(known), observer, Span(0, first - 1, state), noise)
+    usual = {name: study.base.values.get(name, plain.quantities[name].start) for name in names}
+    found = estimate(misfit, misfit.coordinates.vector(usual)[None], STEPS, first)
+    return found.values
+
+
+def _sure(observation: Observation) -> Float64[Array, "N 3"]:
+    """Places in the first frame of what is seen there; what is not may have been taken for somewhere else."""
+    places = rest_places(observation)
+    seen = np.isfinite(observation.points[0, :, 0])
+    if seen.sum() >= 3:
+        places[~seen] = np.nan
+    return places
 
 
 def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3"]) -> Float64[Array, "P 3"]:
@@ -103,12 +144,23 @@ def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3
         turn = Rotation.align_vectors(there - there.mean(0), here - here.mean(0))[0]
     points: Float64[Array, "P 3"] = turn.apply(body.points - here.mean(0)) + there.mean(0)
     index, weight = body.index[both], body.weight[both]
-    apart = np.linalg.norm(body.points[:, None] - here[None], axis=-1)
-    near = np.exp(-0.5 * (apart / np.maximum(apart.min(1, keepdims=True), 0.7 * body.spacing)) ** 2)
-    near /= near.sum(1, keepdims=True)
-    for _ in range(ROUNDS):
-        points = points + near @ (there - (weight[..., None] * points[index]).sum(1))
+    sight = np.zeros((len(index), len(points)))
+    np.add.at(sight, (np.arange(len(index))[:, None], index), weight)
+    uneven = UNBENT * _unevenness(body)
+    wanted = np.concatenate([there - sight @ points, np.zeros_like(points)])
+    moved: Float64[Array, "P 3"] = np.linalg.lstsq(np.concatenate([sight, uneven]), wanted, rcond=None)[0]
+    points += moved
     return points
+
+
+def _unevenness(body: Body) -> Float64[Array, "P P"]:
+    """Of what is said of each mass point, the difference to the mean of those it is joined to."""
+    joined = np.zeros((len(body.points), len(body.points)))
+    joined[body.springs[:, 0], body.springs[:, 1]] = joined[body.springs[:, 1], body.springs[:, 0]] = 1.0
+    uneven: Float64[Array, "P P"] = np.eye(len(body.points)) - joined / np.maximum(
+        joined.sum(1, keepdims=True), 1.0
+    )
+    return uneven
 
 
 def _held_alike(

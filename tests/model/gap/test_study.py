@@ -84,7 +84,8 @@ def test_the_fit_is_at_least_as_good_as_from_the_start_alone(found):
     alone = estimate(misfit, first[None], STEPS, quarter)
     untouched = float((misfit(first[None]) ** 2).mean())
     assert found.base.cost < 0.5 * untouched
-    assert found.base.cost <= 1.02 * alone.cost
+    negligible = 0.01  # of the noise
+    assert found.base.cost <= 1.02 * alone.cost + negligible
 
 
 def test_one_start_more_cannot_harm(found, monkeypatch):

@@ -55,6 +55,29 @@ def test_a_point_that_is_hidden_at_first_is_no_obstacle(sheet):
     assert float((hidden - transferred(sheet, other).state.positions).abs().max()) < 0.02
 
 
+def test_points_that_turn_up_elsewhere_do_not_drag_the_body_along(sheet):
+    """A corner that is hidden at first in both recordings, and taken for another place when it turns up."""
+    other = posed(sheet.observation)
+    points = other.points.copy()
+    rest = sheet.observation.points[0]
+    corner = np.linalg.norm(rest - rest[-1], axis=1) < 0.06
+    assert corner.sum() >= 3
+    points[:30, corner] = np.nan
+    points[30:, corner] += 0.06
+    hidden = transferred(sheet, replace(other, points=points)).state.positions
+    assert float((hidden - transferred(sheet, other).state.positions).abs().max()) < 0.01
+
+
+def test_the_hand_of_the_other_recording_is_its_own(sheet):
+    found = transferred(sheet, posed(sheet.observation))
+    assert {"grip", "reach", "prestress"} <= set(found.own)
+    quantities = found.twin.quantities
+    for name, value in found.own.items():
+        low, high = quantities[name].bounds
+        assert low <= value <= high
+    assert not set(found.own) & {"stiffness", "damping", "drag_rate"}
+
+
 def test_other_points_are_refused(sheet):
     fewer = replace(sheet.observation, points=sheet.observation.points[:, :-1])
     with pytest.raises(InputError, match="62, the first 63"):

@@ -1,0 +1,92 @@
+"""How near a plain twin comes to worlds in which nothing is missing: what effects have to stand out from.
+
+    python -m benchmarks.reality.generate --split dev --count 60 --seed 0 --out out/worlds/dev
+    python -m benchmarks.gap.healthy out/worlds/dev
+
+Of development worlds with plain labels: the noise that was put in, what the fitted twin's observer is
+surprised by one frame ahead, and how far its free runs of 0.7 s are off in frames that no fit has seen.
+"""
+
+import argparse
+import math
+import sys
+import warnings
+from dataclasses import astuple, dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from model.gap.benchmark.labels import PLAIN, open_labels
+from model.gap.forecast import forecast
+from model.gap.study import study
+from model.observation import read_observation
+
+HEALTHY = "null"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One world; lengths in millimetres."""
+
+    world: str
+    object: str
+    interaction: str
+    noise: float
+    moved: float
+    """Mean distance from the first frame."""
+    surprise: float
+    """Root mean square of a coordinate's innovations."""
+    free: float
+    """Mean distance of free runs."""
+
+
+def measured(folder: Path, label: dict[str, object]) -> Row:
+    """Fit a plain twin to one world."""
+    observation = read_observation(folder / f"{label['world']}.npz")
+    fitted = study(observation)
+    foretold = forecast(fitted.observer, fitted.plain.at(fitted.base.values), fitted.split)
+    points = observation.points.astype(np.float64)
+    moved = float(np.nanmean(np.linalg.norm(points - points[0], axis=-1)))
+    surprise = math.sqrt(fitted.base.cost) * fitted.misfit.noise
+    return Row(
+        str(label["world"]),
+        str(label["kind"]),
+        str(label["interaction"]),
+        1e3 * float(str(label["noise_m"])),
+        1e3 * moved,
+        1e3 * surprise,
+        1e3 * foretold.error,
+    )
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print a table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("worlds", type=Path)
+    options = parser.parse_args(arguments)
+    if not (options.worlds / PLAIN).is_file():
+        parser.error(f"{options.worlds}: expected development worlds with {PLAIN}")
+    warnings.simplefilter("ignore")
+    torch.set_num_threads(1)
+    rows = []
+    print("| world | object | interaction | noise mm | moved mm | surprise mm | free run mm |")
+    print("|---" * 7 + "|")
+    for label in open_labels(options.worlds):
+        if label["category"] == HEALTHY:
+            rows.append(measured(options.worlds, label))
+            world, *rest = astuple(rows[-1])
+            numbers = " | ".join(f"{value:.1f}" for value in rest[2:])
+            print(f"| {world} | {rest[0]} | {rest[1]} | {numbers} |", flush=True)
+    for name in ("rope", "sheet", "solid"):
+        some = [row for row in rows if row.object == name]
+        if some:
+            middle = [float(np.median([astuple(row)[i] for row in some])) for i in range(3, 7)]
+            print(f"| median of {len(some)} | {name} | | " + " | ".join(f"{x:.1f}" for x in middle) + " |")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
