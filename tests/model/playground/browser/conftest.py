@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import shutil
 import socket
 import threading
@@ -30,6 +31,8 @@ NEAR = 20.0
 """Pixels by which what is seen may be off the middle of the points: a ball covers some of it."""
 FARTHER = 1.7
 """Times as far as the page shows it at first: then all of it is in the picture wherever it falls."""
+PANEL = 340
+"""Pixels that the controls take, at the right."""
 PATIENCE = 120.0
 """Seconds: software WebGL on a busy machine is slow."""
 
@@ -113,11 +116,30 @@ class Play:
             self.page.mouse.move(*(start + share * np.array(by)))
             self.page.wait_for_timeout(60)
 
+    def named(self, label):
+        """The control that a label is for."""
+        words = self.page.locator("label", has_text=re.compile(f"^{re.escape(label)}$"))
+        return self.page.locator(f'[id="{words.get_attribute("for")}"]')
+
+    def choose(self, label, option):
+        """Choose from a drop-down list."""
+        self.named(label).click()
+        self.page.get_by_role("option", name=option, exact=True).click()
+
+    def stage(self):
+        """What the page shows to the left of its controls, shape [H, W, 3]."""
+        data = self.page.screenshot()
+        shown = self.page.viewport_size["width"] - PANEL
+        return np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)[:, :shown]
+
+    def green(self):
+        """Where the stage is green, shape [H, W]."""
+        red, green, blue = np.moveaxis(self.stage(), -1, 0)
+        return (green > red + 40) & (green > blue + 40)
+
     def seen(self):
         """Where the page shows the object [px]: the middle of what is green on the stage."""
-        data = self.page.screenshot()
-        picture = np.asarray(Image.open(io.BytesIO(data)).convert("RGB")).astype(int)[:, :700]
-        green = (picture[..., 1] > picture[..., 0] + 40) & (picture[..., 1] > picture[..., 2] + 40)
+        green = self.green()
         return np.argwhere(green)[:, ::-1].mean(axis=0) if green.sum() > 50 else None
 
     def seen_at(self, points):
