@@ -133,9 +133,9 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
     text = json.loads((tmp_path / f"{written[0]}.json").read_text())
     assert set(text["parameters"]) >= {"dashpot_damping", "drag_rate", "friction", "restitution"}
     assert text["parameters"]["friction"]["source"] == "predicted"
-    arrays = np.load(tmp_path / f"{written[0]}.npz")
-    assert (arrays["stiffness"] > 0.0).all()
-    assert len(text["parts"]) == len(arrays["part_log_modulus"]) == 2
+    with np.load(tmp_path / f"{written[0]}.npz") as arrays:
+        assert (arrays["stiffness"] > 0.0).all()
+        assert len(text["parts"]) == len(arrays["part_log_modulus"]) == 2
 
 
 @pytest.mark.parametrize(
