@@ -4,7 +4,7 @@ import html
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 TELL = 0.25
 """Seconds between two looks at the speed: a number that flickers cannot be read."""
+STATE_HEIGHT = 6.0
+"""Of what the user should know, in lines of text one em high: four lines of it."""
 MOVIE_SIDE = 640
 """Longer side of a recorded video [px]."""
 HELP = (
@@ -48,7 +50,7 @@ class Panel:
         self._told, self._drawing, self._resets = 0.0, "", 0
         self._shown: list[tuple[Any, Callable[[Settings], object]]] = []
         server.gui.configure_theme(show_share_button=False, show_logo=False, control_width="medium")
-        self._state = server.gui.add_markdown("")
+        self._state = server.gui.add_html("")
         self._add_motion()
         self._add_colors()
         self._add_surroundings(session.moment.settings)
@@ -63,7 +65,7 @@ class Panel:
         if now - self._told < TELL:
             return
         self._told = now
-        _set(self._state, "content", state_text(moment, self._drawing))
+        _set(self._state, "content", state_html(state_lines(moment, self._drawing)))
         if moment.resets != self._resets:
             self._resets = moment.resets
             for handle, value in self._shown:
@@ -191,18 +193,23 @@ class Panel:
             event.client.send_file_download(name, path.read_bytes(), save_immediately=True)
 
 
-def state_text(moment: Moment, drawing: str = "") -> str:
+def state_lines(moment: Moment, drawing: str = "") -> list[str]:
     """How fast time passes, and what the user should know."""
-    speed = "paused" if not moment.running else "starting" if moment.speed is None else _speed(moment.speed)
-    lines = [f"**{speed}**"]
+    lines = ["paused" if not moment.running else "starting" if moment.speed is None else _speed(moment.speed)]
     if moment.building:
         lines.append("making the simulator: the first time a kind of it takes seconds")
     if moment.motion is not None:
         lines.append(f"recorded motion: {moment.motion:.1f} s")
     if moment.idle:
         lines.append(f"cannot act now: {', '.join(moment.idle)}")
-    lines += [line for line in (drawing, moment.message) if line]
-    return "  \n".join(lines)
+    return lines + [line for line in (drawing, moment.message) if line]
+
+
+def state_html(lines: Sequence[str]) -> str:
+    """As high however much there is to say: else what is below would jump under a click."""
+    first, *rest = (html.escape(line) for line in lines)
+    words = "<br>".join([f"<b>{first}</b>", *rest])
+    return f'<div style="height:{STATE_HEIGHT}em;overflow-y:auto;padding:0 1em;line-height:1.5">{words}</div>'
 
 
 def record_label(recording: Recording) -> str:

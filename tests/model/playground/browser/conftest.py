@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from playwright.sync_api import expect, sync_playwright
+from scipy import ndimage
 
 from model.playground.browser.server import open_playground
 
@@ -136,6 +137,23 @@ class Play:
         """Where the stage is green, shape [H, W]."""
         red, green, blue = np.moveaxis(self.stage(), -1, 0)
         return (green > red + 40) & (green > blue + 40)
+
+    def slide(self, label, share):
+        """Click a slider's track, so far along it."""
+        track = self.named(label).locator(".mantine-Slider-track")
+        track.scroll_into_view_if_needed()
+        self.page.wait_for_timeout(300)  # scrolling takes its time
+        box = track.bounding_box()
+        self.page.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+
+    def blobs(self):
+        """Middles of what is green [px], from left to right."""
+        labels, count = ndimage.label(ndimage.binary_dilation(self.green(), iterations=8))
+        sizes = np.bincount(labels.ravel(), minlength=count + 1)
+        middles = [
+            np.argwhere(labels == i)[:, ::-1].mean(axis=0) for i in range(1, count + 1) if sizes[i] > 300
+        ]
+        return sorted(middles, key=lambda middle: middle[0])
 
     def seen(self):
         """Where the page shows the object [px]: the middle of what is green on the stage."""
