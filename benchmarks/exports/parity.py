@@ -15,11 +15,11 @@ from model.exports.mechanics import roll
 OWN_CONTACT = "mujoco, own contact"
 """The ground of `twin.xml` as MuJoCo simulates it, instead of the twin's impact that `replay.py` has."""
 SCRIPTS = {
-    "mujoco": ["replay.py"],
-    OWN_CONTACT: ["replay.py", "--ground", "contact"],
-    "newton": ["run.py", "--device", "cpu"],
+    "mujoco": ("mujoco", ["replay.py"]),
+    OWN_CONTACT: ("mujoco", ["replay.py", "--ground", "contact"]),
+    "newton": ("newton", ["run.py", "--device", "cpu"]),
 }
-"""What an export is run by, and how, on the CPU."""
+"""The format of an export, what it is run by, and how, on the CPU."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class Parity:
 
 def compare(twin: TwinBundle, simulator: str, folder: Path) -> Parity:
     """Export to `folder`, run the export's own script there as its user would, and compare."""
-    exporter_of(simulator.split(",")[0])(twin, folder)
-    script, *options = SCRIPTS[simulator]
+    form, (script, *options) = SCRIPTS[simulator]
+    exporter_of(form)(twin, folder)
     out, started = folder / "trajectory.npz", time.monotonic()
     command = [sys.executable, str(folder / script), "--out", str(out), *options]
     subprocess.run(command, check=True, capture_output=True)

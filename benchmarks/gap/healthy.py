@@ -11,13 +11,13 @@ import argparse
 import math
 import sys
 import warnings
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from model.gap.benchmark.labels import PLAIN, open_labels
+from model.gap.benchmark.labels import PLAIN, Label, open_labels
 from model.gap.forecast import forecast
 from model.gap.study import study
 from model.observation import read_observation
@@ -40,8 +40,13 @@ class Row:
     free: float
     """Mean distance of free runs."""
 
+    @property
+    def lengths(self) -> tuple[float, float, float, float]:
+        """In the order of the table."""
+        return self.noise, self.moved, self.surprise, self.free
 
-def measured(folder: Path, label: dict[str, object]) -> Row:
+
+def measured(folder: Path, label: Label) -> Row:
     """Fit a plain twin to one world."""
     observation = read_observation(folder / f"{label['world']}.npz")
     fitted = study(observation)
@@ -50,10 +55,10 @@ def measured(folder: Path, label: dict[str, object]) -> Row:
     moved = float(np.nanmean(np.linalg.norm(points - points[0], axis=-1)))
     surprise = math.sqrt(fitted.base.cost) * fitted.misfit.noise
     return Row(
-        str(label["world"]),
-        str(label["kind"]),
-        str(label["interaction"]),
-        1e3 * float(str(label["noise_m"])),
+        label["world"],
+        label["kind"],
+        label["interaction"],
+        1e3 * label["noise_m"],
         1e3 * moved,
         1e3 * surprise,
         1e3 * foretold.error,
@@ -76,15 +81,15 @@ def main(arguments: list[str] | None = None) -> int:
     print("|---" * 7 + "|")
     for label in open_labels(options.worlds):
         if label["category"] == HEALTHY:
-            rows.append(measured(options.worlds, label))
-            world, *rest = astuple(rows[-1])
-            numbers = " | ".join(f"{value:.1f}" for value in rest[2:])
-            print(f"| {world} | {rest[0]} | {rest[1]} | {numbers} |", flush=True)
+            row = measured(options.worlds, label)
+            rows.append(row)
+            numbers = " | ".join(f"{value:.1f}" for value in row.lengths)
+            print(f"| {row.world} | {row.object} | {row.interaction} | {numbers} |", flush=True)
     for name in ("rope", "sheet", "solid"):
-        some = [row for row in rows if row.object == name]
+        some = [row.lengths for row in rows if row.object == name]
         if some:
-            middle = [float(np.median([astuple(row)[i] for row in some])) for i in range(3, 7)]
-            print(f"| median of {len(some)} | {name} | | " + " | ".join(f"{x:.1f}" for x in middle) + " |")
+            numbers = " | ".join(f"{value:.1f}" for value in np.median(some, axis=0))
+            print(f"| median of {len(some)} | {name} | | {numbers} |")
     return 0
 
 

@@ -4,7 +4,6 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-import torch
 
 from model.gap.acts_on import Acting, acting
 from model.gap.ceiling import ceiling
@@ -23,6 +22,7 @@ from model.gap.signs import SIGN_NAMES, Signs, signs_of
 from model.gap.study import Study, study
 from model.gap.transfer import Transferred, transferred
 from model.gap.verdict import Judged, judged, second_of, support
+from model.one_thread import one_thread
 from model.schema import EffectName
 from model.simulator.pace import StabilityWarning
 from model.types import Observation
@@ -52,8 +52,7 @@ def diagnose(
     Raises:
         InputError: nothing can be built of the observation, or `transfer` is of something else.
     """
-    torch.set_num_threads(1)  # two are slower than one for tensors this small
-    with warnings.catch_warnings():
+    with one_thread(), warnings.catch_warnings():  # two are slower than one for tensors this small
         # substeps are the observer's choice, the same for all worlds of a fit; users can do nothing about it
         warnings.simplefilter("ignore", StabilityWarning)
         return _diagnosed(observation, twin, transfer, progress or (lambda stage, share: None))

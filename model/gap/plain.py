@@ -29,6 +29,8 @@ SHORTEST = 0.3
 """No rest length is below this share of the length in the first frame."""
 FARTHEST = 0.5
 """Spacings: no spring of a hand is stretched by more than this in the first frame."""
+DAMPED = 0.4
+"""Share of the critical damping of a spring between two points that its dashpot has at most."""
 FIRM = 0.5
 """Springs of a hand are at least this stiff against those of the object: it holds, it does not dangle."""
 SAME_HAND = 2.5
@@ -138,7 +140,7 @@ class PlainTwin:
         usual = start["stiffness"]
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, 300.0 * usual), usual, log=True),
-            "damping": _reaching("1", (1e-4, 0.4), start["damping"], log=True),
+            "damping": _reaching("1", (1e-4, DAMPED), start["damping"], log=True),
             "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], log=True),
             "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
         }

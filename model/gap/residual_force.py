@@ -28,6 +28,7 @@ from model.gap.effects.base import (
     no_springs,
     spring_stiffness,
 )
+from model.gap.plain import DAMPED
 from model.gap.structure import cells, rows, spans, turns
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
@@ -44,8 +45,6 @@ RATE = 3.0
 """At about this strain rate [1/s] as well."""
 FAST, SLOW, LASTING = 0.1, 0.6, 3.0
 """Times [s] in which the memories of a spring follow its strain."""
-DAMPED = 0.4
-"""Share of the critical damping of a spring that the unit of its rate has at most, as of the plain twin."""
 STILL = 0.02
 """Speed [m/s] below which a point on the ground sticks."""
 GRAVITY = 9.81
@@ -255,7 +254,7 @@ class ResidualMaterial(Effect):
 
 
 def _viscous_share(world: World, stiffness: Float[Tensor, "*b E"]) -> Tensor:
-    """Of a stiff spring, whose viscosity would else ask for thousands of steps a frame: `DAMPED`."""
+    """What the unit of a rate counts: no more than a dashpot may, or stiff springs need too many steps."""
     usual = stiffness.mean(-1, keepdim=stiffness.ndim > 1).clamp_min(1e-9)
     most = DAMPED * 2.0 * torch.sqrt(usual * mass_of(world).mean())
     return torch.clamp(most / (usual * STRAIN / RATE), max=1.0)

@@ -95,10 +95,8 @@ def _told(
     weight = seen[used].astype(np.float64)[..., None]
     now, here = np.nan_to_num(moving[used]), point[used]
     count = np.maximum(weight.sum(1, keepdims=True), 1.0)
-    before_middle, now_middle = (
-        (weight * places).sum(1, keepdims=True) / count,
-        (weight * now).sum(1, keepdims=True) / count,
-    )
+    before_middle = (weight * places).sum(1, keepdims=True) / count
+    now_middle = (weight * now).sum(1, keepdims=True) / count
     before, after = weight * (places - before_middle), weight * (now - now_middle)
     left, _, right = np.linalg.svd(before.swapaxes(1, 2) @ after)
     sign = np.sign(np.linalg.det(left @ right))

@@ -44,7 +44,7 @@ class MaterialPicker:
             self._part = gui.add_dropdown("Part", self._labels, initial_value=self._labels[0])
             self._material = gui.add_dropdown("Made of", (AS_IT_WAS, *MATERIALS), initial_value=AS_IT_WAS)
             self._button = gui.add_button("Predict its springs")
-            self._said = gui.add_html(self._words())
+            self._said = gui.add_html(_small(*self._lines()))
         self._button.on_click(self._clicked)
 
     def _clicked(self, _: Any) -> None:  # noqa: ANN401 - viser's event
@@ -73,9 +73,6 @@ class MaterialPicker:
         finally:
             self._said.content = _small(*self._lines(), *doubts)
             self._button.disabled = False
-
-    def _words(self) -> str:
-        return _small(*self._lines())
 
     def _lines(self) -> list[str]:
         """What each part is made of now."""
