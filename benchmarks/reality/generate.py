@@ -2,6 +2,8 @@
 
     python -m benchmarks.reality.generate --split dev --count 40 --out out/worlds/dev
     python -m benchmarks.reality.generate --split test --count 100 --out out/worlds/test
+    python -m benchmarks.reality.generate --split dev --seed 1 --count 24 --only single pair --targets 2 4 \
+        --choosy 12 --out out/worlds/clear
 
 What is in the folder already is not made again.
 
@@ -25,7 +27,7 @@ import numpy as np
 from benchmarks.reality.effects import ALL, draw
 from benchmarks.reality.labels import known_labels, write_labels
 from benchmarks.reality.magnitude import Simulate, checked_gap, hopeless, measure, tune
-from benchmarks.reality.recipe import SPLITS, Recipe, Split, draw_recipe
+from benchmarks.reality.recipe import BLOCK, LAST, MAGNITUDES, SPLITS, Recipe, Split, Wanted, draw_recipe
 from benchmarks.reality.sensor import Sensor, lagging, report
 from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
 
@@ -44,15 +46,20 @@ def generator(name: str) -> Simulate:
 
 
 def make(
-    seed: int, split: Split, index: int, generator_name: str
+    seed: int,
+    split: Split,
+    index: int,
+    generator_name: str,
+    wanted: Wanted | None = None,
+    choosy: int = CHOOSY,
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]]:
     """Observation, transfer observation, label of one world."""
     simulate = generator(generator_name)
     for attempt in range(TRIES):
-        recipe = draw_recipe(seed, split, index, attempt)
+        recipe = draw_recipe(seed, split, index, attempt, wanted)
         rng = np.random.default_rng([SPLITS[split], seed, 4, index, attempt])
         try:
-            done = _realise(recipe, simulate, rng, np.inf if attempt >= CHOOSY else WITHIN)
+            done = _realise(recipe, simulate, rng, np.inf if attempt >= choosy else WITHIN)
         except Runaway:
             continue
         if done is not None:
@@ -157,11 +164,14 @@ def _name(split: Split, seed: int, index: int) -> str:
     return hashlib.sha256(f"{split} {seed} {index}".encode()).hexdigest()[:10]
 
 
-def _work(job: tuple[int, Split, int, str, Path]) -> dict[str, Any] | None:
-    seed, split, index, generator_name, out = job
+Job = tuple[int, Split, int, str, Wanted, int, Path]
+
+
+def _work(job: Job) -> dict[str, Any] | None:
+    seed, split, index, generator_name, wanted, choosy, out = job
     name = _name(split, seed, index)
     try:
-        observation, transfer, label = make(seed, split, index, generator_name)
+        observation, transfer, label = make(seed, split, index, generator_name, wanted, choosy)
     except RuntimeError as error:
         print(error, file=sys.stderr)
         return None
@@ -183,16 +193,27 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--generator", choices=list(MODULES), help="another than the split's; for development only"
     )
+    development = parser.add_argument_group("for development only", "to learn from what is seen clearly")
+    development.add_argument(
+        "--only", nargs="+", choices=sorted({*BLOCK, *LAST}), default=[], help="categories"
+    )
+    development.add_argument("--targets", nargs="+", type=float, default=MAGNITUDES, help="signal-to-noise")
+    development.add_argument(
+        "--choosy", type=int, default=CHOOSY, help="draws that have to be near the target"
+    )
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
     if options.split == "test" and options.generator not in (None, GENERATORS["test"]):
         parser.error("test worlds have a generator of their own")
+    wanted = Wanted(tuple(options.only), tuple(options.targets))
+    if options.split == "test" and (wanted != Wanted() or options.choosy != CHOOSY):
+        parser.error("test worlds are drawn as they come: --only, --targets and --choosy are for development")
     chosen = options.generator or GENERATORS[options.split]
     options.out.mkdir(parents=True, exist_ok=True)
     labels = known_labels(options.out)
     made = {label["world"] for label in labels}
     jobs = [
-        (options.seed, options.split, index, chosen, options.out)
+        (options.seed, options.split, index, chosen, wanted, options.choosy, options.out)
         for index in range(options.first, options.first + options.count)
         if _name(options.split, options.seed, index) not in made
     ]

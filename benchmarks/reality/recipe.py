@@ -82,9 +82,23 @@ def category_of(seed: int, split: Split, index: int) -> Category:
     return order[index % 20]
 
 
-def draw_recipe(seed: int, split: Split, index: int, attempt: int = 0) -> Recipe:
+@dataclass(frozen=True)
+class Wanted:
+    """What development may ask for instead of a block's shares, in which clear effects are rare."""
+
+    categories: tuple[Category, ...] = ()
+    """One of these; none: as the block says."""
+    targets: tuple[float, ...] = MAGNITUDES
+
+
+def draw_recipe(
+    seed: int, split: Split, index: int, attempt: int = 0, wanted: Wanted | None = None
+) -> Recipe:
     """The recipe of a world; `attempt` counts those thrown away because their effect could not be seen."""
+    wanted = wanted or Wanted()
     category = category_of(seed, split, index)
+    if wanted.categories:
+        category = wanted.categories[index % len(wanted.categories)]
     rng = np.random.default_rng([SPLITS[split], seed, 2, index, attempt])
     names = _names(category, seed, split, index, attempt, rng)
     kinds = [kind for kind in ("rope", "sheet", "solid") if all(kind in ALL[name].kinds for name in names)]
@@ -126,12 +140,13 @@ def draw_recipe(seed: int, split: Split, index: int, attempt: int = 0) -> Recipe
         noise=sensor.noise,
     )
     missing = names if category in ("single", "pair", "outside") else ()
-    return Recipe(category, world, transfer, missing, _target(seed, split, index), sensor, again, note)
+    target = _target(seed, split, index, wanted.targets)
+    return Recipe(category, world, transfer, missing, target, sensor, again, note)
 
 
-def _target(seed: int, split: Split, index: int) -> float:
+def _target(seed: int, split: Split, index: int, targets: tuple[float, ...]) -> float:
     """The same in every attempt: else those that are easy to reach would be left."""
-    return float(np.random.default_rng([SPLITS[split], seed, 5, index]).choice(MAGNITUDES))
+    return float(np.random.default_rng([SPLITS[split], seed, 5, index]).choice(targets))
 
 
 def _spacing(split: Split, shape: Shape) -> float:

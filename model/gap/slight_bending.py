@@ -7,9 +7,9 @@ from model.gap.bodies.body import Body
 from model.gap.structure import rows, spans, turns
 from model.simulator.forces.bending import Bending
 
-SLIGHT = {"rope": 1e-5, "sheet": 2e-4}
+SLIGHT = {"rope": 2e-6, "sheet": 2e-4}
 """Of a rope over weight times length squared, of a sheet over weight times length times spacing: as of thin
-cotton, which 2 to 5 % of its length bend under their own weight."""
+cotton, which 1 to 5 % of its length bend under their own weight."""
 
 
 class SlightBending(Bending):

@@ -7,8 +7,10 @@ from scipy.cluster.hierarchy import fcluster, linkage
 from model.gap.bodies.path import along
 from model.types import Array
 
-ROPE_POINTS = 26
-"""Along a rope, about."""
+SLICES = 26
+"""Across a rope, whose means are its middle line."""
+ROPE_POINTS = 45
+"""Along a rope, at least about: a rope of half as many that hangs swings otherwise."""
 HIDDEN = 0.15
 """Share of its length at most that a hand hides at an end."""
 
@@ -27,7 +29,7 @@ def chain(
     line = _with_ends(_middle(places, away, length), controllers, length)
     steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
     arc = np.concatenate([[0.0], steps.cumsum()])
-    wanted = 1.5 * scale * arc[-1] / ROPE_POINTS
+    wanted = scale * arc[-1] / ROPE_POINTS
     pieces = [
         np.linspace(begin, begin + step, max(1, int(np.ceil(step / wanted))), endpoint=False)
         for begin, step in zip(arc[:-1], steps, strict=True)
@@ -42,11 +44,11 @@ def _middle(
     places: Float64[Array, "N 3"], away: Float64[Array, " N"], length: float
 ) -> Float64[Array, "n 3"]:
     """Few points: they are the line. Many: means of slices across it."""
-    if len(places) <= ROPE_POINTS:
+    if len(places) <= SLICES:
         ordered: Float64[Array, "n 3"] = places[np.argsort(away, kind="stable")]
         return ordered
-    bins = np.clip((ROPE_POINTS * away / length).astype(int), 0, ROPE_POINTS - 1)
-    return np.stack([places[bins == b].mean(0) for b in range(ROPE_POINTS) if (bins == b).any()])
+    bins = np.clip((SLICES * away / length).astype(int), 0, SLICES - 1)
+    return np.stack([places[bins == b].mean(0) for b in range(SLICES) if (bins == b).any()])
 
 
 def _with_ends(
