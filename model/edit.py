@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from pydantic import JsonValue
@@ -13,38 +12,19 @@ from model.formats.parameters import gravity, ground_height
 from model.gap.bodies.guess import guess_shape
 from model.imagine import imagine
 from model.manifest import stiffness_record
-from model.predictor.prior_mean import POOLED, PriorMeanPredictor
-from model.predictor.trained import TrainedPredictor
+from model.predictor import ParameterPredictor, PriorMeanPredictor, TrainedPredictor
+from model.predictor.prior_mean import POOLED
 from model.priors.materials import MATERIALS, UNITS, typical
 from model.schema import PartRecord, PropertyRecord, StageRecord, content_id
 from model.types import Estimate, MaterialPrior, Parameters, ShapeClass, Topology
 from model.version import __version__
 
 
-def predictor_named(wanted: str, twin: TwinBundle) -> TrainedPredictor | None:
-    """The network that `wanted` says; None: the prior's means.
-
-    Args:
-        wanted: `auto` (as `predictor_of` tells of the twin), `matphys`, `prior-mean`, or a file of a network.
-        twin: What is to be edited.
-
-    Raises:
-        InputError: no such predictor.
-    """
-    if wanted == "auto":
-        return predictor_of(twin)
-    if wanted == PriorMeanPredictor.name:
-        return None
-    if wanted != TrainedPredictor.name and not wanted.endswith(".safetensors"):
-        raise InputError(f"--predictor {wanted}: choose auto, matphys, prior-mean, or a .safetensors file")
-    return TrainedPredictor(None if wanted == TrainedPredictor.name else Path(wanted))
-
-
-def predictor_of(twin: TwinBundle) -> TrainedPredictor | None:
-    """The network that comes with the package, if a network made the twin; None: its mechanics are means."""
+def predictor_of(twin: TwinBundle) -> ParameterPredictor:
+    """The network that comes with the package, if a network made the twin; else the prior's means."""
     made = _made_by(twin)
     predicted = any(entry.source == "predicted" for entry in twin.parameters.globals.values())
-    return TrainedPredictor() if made is not None and predicted else None
+    return TrainedPredictor() if made is not None and predicted else PriorMeanPredictor()
 
 
 def _made_by(twin: TwinBundle) -> StageRecord | None:
@@ -58,7 +38,7 @@ def edit_part(
     part: int,
     material: str,
     shape_class: ShapeClass | None = None,
-    predictor: TrainedPredictor | None = None,
+    predictor: ParameterPredictor | None = None,
 ) -> TwinBundle:
     """The twin with one part of another material, its springs predicted anew.
 
@@ -76,7 +56,7 @@ def edit_part(
         part: Its number in `parts.json`.
         material: One of the ten.
         shape_class: What the object is; None: told from how its points lie.
-        predictor: A network; None: the prior's means are all. `predictor_of` tells what the twin was made by.
+        predictor: None: the prior's means are all. `predictor_of` tells what the twin was made by.
 
     Raises:
         InputError: no such part or material, or parts whose material prior the twin does not say.
@@ -116,12 +96,12 @@ def _predicted(
     part: int,
     priors: Sequence[MaterialPrior],
     shape: ShapeClass,
-    predictor: TrainedPredictor | None,
+    predictor: ParameterPredictor | None,
 ) -> tuple[Parameters, StageRecord]:
     """The mechanics of a twin whose points weigh what they will, and what they came from."""
     first, means = _means(weighed, priors, shape), PriorMeanPredictor
     fallback = StageRecord(name="edit", method=means.name, version=means.version)
-    if predictor is None:
+    if predictor is None or isinstance(predictor, PriorMeanPredictor):
         return first, fallback
     imagined = replace(weighed, parameters=_mixed(weighed, part, first), effects=())
     try:

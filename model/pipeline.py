@@ -27,7 +27,8 @@ from model.observation import read_observation
 from model.observe.tracks import observe_tracks
 from model.part_views import view_parts
 from model.parts import segment_parts
-from model.predictor import ALL_PREDICTORS, ParameterPredictor, PriorMeanPredictor, TrainedPredictor
+from model.predictor import ParameterPredictor, PriorMeanPredictor
+from model.predictor.named import predictor_named
 from model.preview import preview
 from model.priors import ALL_PRIORS
 from model.priors.base import PriorClient
@@ -273,7 +274,7 @@ def _choose(options: TwinOptions) -> _Methods:
         encoder=by_name(ALL_ENCODERS, options.encoder, "encoder")(),
         prior=by_name(ALL_PRIORS, options.prior, "prior")(),
         tracker=by_name(ALL_TRACKERS, options.tracking, "tracking")(),
-        predictor=_predictor(options.predictor),
+        predictor=predictor_named(options.predictor),
         renderer=by_name(ALL_RENDERERS, options.renderer, "renderer")()
         if options.renderer
         else best_renderer(),
@@ -305,13 +306,6 @@ def _see(video: Path, options: TwinOptions, methods: _Methods, log: StageLog) ->
         "reconstruction", reconstructor, lambda: reconstructor(frames, masks, calibration, shape_class)
     )
     return _Sight(frames, masks, shape_class, calibration, gaussians)
-
-
-def _predictor(wanted: str) -> ParameterPredictor:
-    """The one of that name, or the one in that file."""
-    if wanted.endswith(".safetensors"):
-        return TrainedPredictor(Path(wanted))
-    return by_name(ALL_PREDICTORS, wanted, "predictor")()
 
 
 def _reconstructor(options: TwinOptions) -> Reconstructor:

@@ -43,12 +43,14 @@ def edit(twin: Path, part: int, material: str, out: Path, shape: str, predictor:
     """
     check_outputs(twin, out)
     from model.bundle import TwinBundle
-    from model.edit import edit_part, predictor_named
+    from model.edit import edit_part, predictor_of
+    from model.predictor.named import predictor_named
 
     before = TwinBundle.load(twin)
     with collect_doubts() as doubts:
         shape_class = None if shape == "auto" else cast(ShapeClass, shape)
-        after = edit_part(before, part, material, shape_class, predictor_named(predictor, before))
+        asked = predictor_of(before) if predictor == "auto" else predictor_named(predictor, "auto")
+        after = edit_part(before, part, material, shape_class, asked)
         after.save(out)
     inside = before.topology.part == part
     springs = inside[before.topology.springs].any(axis=1)

@@ -6,7 +6,7 @@ from click.testing import CliRunner
 
 from model.bundle import TwinBundle
 from model.cli import matphys
-from model.edit import edit_part, predictor_named, predictor_of
+from model.edit import edit_part, predictor_of
 from model.errors import InputError
 from model.imagine import imagine
 from model.predictor.prior_mean import PriorMeanPredictor
@@ -147,13 +147,12 @@ def test_springs_of_two_predictors_are_told(learned, network):
     assert line not in edit_part(learned, 1, "rubber", "solid", network).manifest.warnings
 
 
-def test_who_predicts_is_as_the_user_says(twin, learned):
-    assert predictor_named("auto", twin) is None
-    assert predictor_named("auto", learned) is not None
-    assert predictor_named("prior-mean", learned) is None
-    assert predictor_named("matphys", twin) is not None
-    with pytest.raises(InputError, match=r"--predictor oracle: choose auto, matphys, prior-mean, or a"):
-        predictor_named("oracle", twin)
+def test_the_means_are_asked_where_a_network_did_not_make_the_twin(twin):
+    assert isinstance(predictor_of(twin), PriorMeanPredictor)
+    means, after = (edit_part(twin, 1, "rubber", "solid", asked) for asked in (None, predictor_of(twin)))
+    np.testing.assert_array_equal(after.parameters.stiffness, means.parameters.stiffness)
+    assert after.manifest.stages[-1].method == "prior-mean"
+    assert after.manifest.warnings == means.manifest.warnings
 
 
 @pytest.mark.parametrize(
@@ -182,4 +181,24 @@ def test_the_command_says_what_it_did(twin, tmp_path):
     )
     assert result.exit_code == 0, result.output
     assert "springs of part 1" in result.stdout
-    assert TwinBundle.load(tmp_path / "new.twin.zip").parts[1].materials["rubber"] == 1
+    made = TwinBundle.load(tmp_path / "new.twin.zip")
+    assert made.parts[1].materials["rubber"] == 1
+    assert made.manifest.stages[-1].method == "prior-mean"
+
+
+@pytest.mark.parametrize(("who", "method"), [("auto", "matphys"), ("prior-mean", "prior-mean")])
+def test_the_command_asks_whom_the_user_says(learned, tmp_path, who, method):
+    learned.save(tmp_path / "old.twin.zip")
+    arguments = ["edit", str(tmp_path / "old.twin.zip"), "--part", "1", "--material", "rubber"]
+    arguments += ["--out", str(tmp_path / "new.twin.zip"), "--shape", "solid", "--predictor", who]
+    result = CliRunner().invoke(matphys, arguments)
+    assert result.exit_code == 0, result.output
+    assert TwinBundle.load(tmp_path / "new.twin.zip").manifest.stages[-1].method == method
+
+
+def test_the_command_says_whom_it_may_ask(twin, tmp_path):
+    twin.save(tmp_path / "old.twin.zip")
+    arguments = ["edit", str(tmp_path / "old.twin.zip"), "--part", "1", "--material", "rubber"]
+    arguments += ["--out", str(tmp_path / "new.twin.zip"), "--predictor", "oracle"]
+    with pytest.raises(InputError, match=r"--predictor oracle: choose auto, matphys, prior-mean, or a \."):
+        CliRunner().invoke(matphys, arguments, catch_exceptions=False)

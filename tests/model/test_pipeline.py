@@ -177,6 +177,7 @@ def test_a_box_and_a_size_are_enough_to_say(plush_clip):
         ({"reconstruction": "magic"}, "unknown reconstruction method"),
         ({"encoder": "magic"}, "unknown encoder method"),
         ({"prior": "magic"}, "unknown prior method"),
+        ({"predictor": "magic"}, "--predictor magic: choose matphys, prior-mean, or a .safetensors file"),
         ({"renderer": "magic"}, "unknown renderer method"),
         ({"reconstruction": "mesh"}, "needs --mesh PATH"),
     ],
