@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from model.commands.common import InputFile, OutputFile, check_outputs, one_line, one_thread, print_json, warn
+from model.commands.common import (
+    InputFile,
+    OutputFile,
+    check_outputs,
+    default_to_one_thread,
+    one_line,
+    print_json,
+    warn,
+)
 from model.commands.diagnose import diagnose
 from model.commands.edit import edit
 from model.commands.evaluate import evaluate
@@ -109,7 +117,7 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
     check_outputs(video, out, preview)
     from model.pipeline import TwinOptions, build_twin
 
-    one_thread()
+    default_to_one_thread()
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     with progress(quiet) as report, collect_doubts() as doubts:
         result = build_twin(video, TwinOptions(**given), report)
@@ -223,7 +231,7 @@ def observe(
         else:
             from model.pipeline import observe as run
 
-            one_thread()
+            default_to_one_thread()
             observation = run(source, twin, segmentation, tracking, mask, report, box)
         write_observation(out, observation)
     frames, points = observation.points.shape[:2]

@@ -27,8 +27,8 @@ def check_outputs(source: Path, *outputs: Path | None) -> None:
         taken[output.resolve()] = "another output"
 
 
-def one_thread() -> None:
-    """Keep torch to one thread unless the user says otherwise.
+def default_to_one_thread() -> None:
+    """Torch keeps to one thread from here on, unless OMP_NUM_THREADS says otherwise.
 
     Its operations here are small: a second thread gains a tenth when alone, and spins the preview to a
     quarter of its speed beside OpenCV's own threads. The simulator's kernel has threads of its own.

@@ -4,7 +4,14 @@ from pathlib import Path
 
 import click
 
-from model.commands.common import InputFile, OutputFile, check_outputs, one_thread, print_json, warn
+from model.commands.common import (
+    InputFile,
+    OutputFile,
+    check_outputs,
+    default_to_one_thread,
+    print_json,
+    warn,
+)
 from model.doubts import collect_doubts
 from model.errors import InputError
 from model.formats.files import check_writable
@@ -53,7 +60,7 @@ def diagnose(
         raise InputError(f"{save_twin} is the twin that is questioned: give the output another name")
     from model.pipeline import diagnose as run
 
-    one_thread()
+    default_to_one_thread()
     with progress(quiet) as report, collect_doubts() as doubts:
         result = run(observation, twin, transfer, report)
         written = [str(path) for path in result.write_report(out)]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from model.commands.common import one_thread, print_json, warn
+from model.commands.common import default_to_one_thread, print_json, warn
 from model.errors import InputError
 from model.progress import progress
 
@@ -111,7 +111,7 @@ def evaluate(
 
     if docs is not None and not docs.is_file():
         raise InputError(f"--docs {docs}: no such page: give one that is there")
-    one_thread()
+    default_to_one_thread()
     given: dict[str, Any] = dict(options)
     plan = _plan(data, given)
     with progress(quiet) as report:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from model.commands.common import InputFile, one_thread, warn
+from model.commands.common import InputFile, default_to_one_thread, warn
 from model.doubts import collect_doubts
 
 
@@ -32,7 +32,7 @@ def view(
     """Play with TWIN in a browser: pull at it, change what acts on it, keep what came of it."""
     from model.playground.browser.server import open_playground
 
-    one_thread()
+    default_to_one_thread()
     with collect_doubts() as doubts:
         playground = open_playground(twin, host, port, compare, report, observation)
     warn(doubts)
