@@ -1,5 +1,6 @@
 """Shared fixtures. Array shapes in annotations are checked by beartype while tests run."""
 
+import contextlib
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -44,6 +45,27 @@ def _film(
 def film() -> Callable[..., bytes]:
     """Makes tiny clips of something that moves: `film(frames=…, size=…, container=…, rate=…, codec=…)`."""
     return _film
+
+
+@pytest.fixture(scope="session")
+def living() -> Callable[..., list[int]]:
+    """Ids of the processes that live, `living(pid=…)` or `living(group=…)`: at most this one, or its group.
+
+    What has ended and only waits to be collected does not live. Skips where there is no /proc.
+    """
+    if not Path("/proc/self").is_dir():
+        pytest.skip("looks at processes through /proc")
+    return _living
+
+
+def _living(pid: int | None = None, group: int | None = None) -> list[int]:
+    found = []
+    for entry in Path("/proc").glob("[0-9]*" if pid is None else str(pid)):
+        with contextlib.suppress(OSError):
+            state, _, its_group = (entry / "stat").read_text().rpartition(")")[2].split()[:3]
+            if state not in "ZX" and group in (None, int(its_group)):
+                found.append(int(entry.name))
+    return found
 
 
 @pytest.fixture(scope="session")

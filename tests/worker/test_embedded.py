@@ -13,18 +13,6 @@ from model.errors import InputError
 from worker.embedded import EmbeddedRedis, find_redis_server, running_address
 
 
-def gone(pid: int, seconds: float = 5.0) -> bool:
-    deadline = time.monotonic() + seconds
-    while time.monotonic() < deadline:
-        try:
-            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
-                return True
-        except FileNotFoundError:
-            return True
-        time.sleep(0.02)
-    return False
-
-
 def get(url: str, key: str) -> bytes | None:
     with redis.Redis.from_url(url) as client:
         value: bytes | None = client.get(key)
@@ -77,14 +65,14 @@ def test_starting_a_running_server_changes_nothing(tmp_path):
         assert server.pid == before
 
 
-def test_stop_ends_the_process_and_frees_the_folder(tmp_path):
+def test_stop_ends_the_process_and_frees_the_folder(tmp_path, eventually, living):
     server = EmbeddedRedis(tmp_path)
     server.start()
     pid = server.pid
     assert pid is not None
     server.stop()
     server.stop()
-    assert gone(pid)
+    eventually(lambda: not living(pid=pid), 5.0)
     with EmbeddedRedis(tmp_path) as other:
         assert other.pid is not None
 
@@ -98,7 +86,9 @@ def test_a_second_start_over_the_same_folder_is_refused_with_one_line(tmp_path):
         assert get(server.url, "job") == b"accepted"
 
 
-def test_a_killed_owner_takes_the_server_along_and_the_next_start_finds_the_data(tmp_path):
+def test_a_killed_owner_takes_the_server_along_and_the_next_start_finds_the_data(
+    tmp_path, eventually, living
+):
     code = (
         "import sys, time, redis; from pathlib import Path; from worker.embedded import EmbeddedRedis\n"
         "server = EmbeddedRedis(Path(sys.argv[1])); server.start()\n"
@@ -112,7 +102,7 @@ def test_a_killed_owner_takes_the_server_along_and_the_next_start_finds_the_data
     owner.kill()
     owner.wait()
     with EmbeddedRedis(tmp_path) as server:  # at once: it waits for the orphan to end
-        assert gone(pid)
+        eventually(lambda: not living(pid=pid), 5.0)
         assert get(server.url, "job") == b"accepted"
 
 

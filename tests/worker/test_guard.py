@@ -2,7 +2,6 @@ import os
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import pytest
 
@@ -26,22 +25,10 @@ def group():
         process.wait()
 
 
-def members(group):
-    found = []
-    for entry in Path("/proc").iterdir():
-        try:
-            fields = (entry / "stat").read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if entry.name.isdecimal() and int(fields[2]) == group and fields[0] != "Z":
-            found.append(int(entry.name))
-    return found
-
-
-def test_a_group_that_is_over_its_time_is_killed(guard, group, eventually):
-    eventually(lambda: len(members(group.pid)) == 3)
+def test_a_group_that_is_over_its_time_is_killed(guard, group, eventually, living):
+    eventually(lambda: len(living(group=group.pid)) == 3)
     guard.watch(group.pid, 0.2)
-    eventually(lambda: not members(group.pid), 5.0)
+    eventually(lambda: not living(group=group.pid), 5.0)
     assert group.wait() == -signal.SIGKILL
 
 
@@ -52,30 +39,30 @@ def test_a_released_group_lives(guard, group):
     assert group.poll() is None
 
 
-def test_the_last_word_counts(guard, group, eventually):
+def test_the_last_word_counts(guard, group, eventually, living):
     guard.watch(group.pid, 600)
     guard.watch(group.pid, 0.1)
-    eventually(lambda: not members(group.pid), 5.0)
+    eventually(lambda: not living(group=group.pid), 5.0)
 
 
-def test_a_group_ends_with_whoever_watched_it(group, eventually):
+def test_a_group_ends_with_whoever_watched_it(group, eventually, living):
     pid = os.fork()
     if pid == 0:
         Guard().watch(group.pid, 600)
         os.kill(os.getpid(), signal.SIGKILL)
     os.waitpid(pid, 0)
-    eventually(lambda: not members(group.pid), 5.0)
+    eventually(lambda: not living(group=group.pid), 5.0)
 
 
-def test_a_guard_that_was_killed_is_replaced(guard, group, eventually):
+def test_a_guard_that_was_killed_is_replaced(guard, group, eventually, living):
     os.kill(guard._pid, signal.SIGKILL)
     os.waitid(os.P_PID, guard._pid, os.WEXITED | os.WNOWAIT)
     guard.watch(group.pid, 0.1)
-    eventually(lambda: not members(group.pid), 5.0)
+    eventually(lambda: not living(group=group.pid), 5.0)
 
 
-def test_a_guard_is_not_stopped_by_what_stops_a_worker(guard, group, eventually):
+def test_a_guard_is_not_stopped_by_what_stops_a_worker(guard, group, eventually, living):
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         os.kill(guard._pid, number)
     guard.watch(group.pid, 0.1)
-    eventually(lambda: not members(group.pid), 5.0)
+    eventually(lambda: not living(group=group.pid), 5.0)

@@ -26,14 +26,6 @@ def ride(guard):
     return start
 
 
-def alive(pid):
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 def test_it_ends_with_the_code_of_its_work(ride):
     assert ride(lambda: 0).wait(10) == 0
     assert ride(lambda: 75).wait(10) == 75
@@ -53,7 +45,7 @@ def test_it_runs_until_it_ends(ride):
     assert horse.wait(10) == 0
 
 
-def test_it_is_killed_with_what_it_started(ride, tmp_path, eventually):
+def test_it_is_killed_with_what_it_started(ride, tmp_path, eventually, living):
     def work():
         (tmp_path / "pid").write_text(str(subprocess.Popen(["sleep", "600"]).pid))
         time.sleep(600)
@@ -62,16 +54,16 @@ def test_it_is_killed_with_what_it_started(ride, tmp_path, eventually):
     eventually(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text())
     horse.stop()
     assert horse.wait(10) == -signal.SIGKILL
-    eventually(lambda: not alive(int((tmp_path / "pid").read_text())))
+    eventually(lambda: not living(pid=int((tmp_path / "pid").read_text())))
 
 
-def test_what_it_started_does_not_outlive_it(ride, tmp_path, eventually):
+def test_what_it_started_does_not_outlive_it(ride, tmp_path, eventually, living):
     def work():
         (tmp_path / "pid").write_text(str(subprocess.Popen(["sleep", "600"]).pid))
         return 0
 
     assert ride(work).wait(10) == 0
-    eventually(lambda: not alive(int((tmp_path / "pid").read_text())))
+    eventually(lambda: not living(pid=int((tmp_path / "pid").read_text())))
 
 
 def test_its_time_is_limited_however_deep_it_is(ride):
@@ -116,7 +108,7 @@ def test_what_it_prints_goes_into_the_log_with_its_job(ride, capsys, caplog):
 
 
 @pytest.mark.parametrize("guarded", [True, False])
-def test_it_ends_with_its_worker(tmp_path, eventually, guarded):
+def test_it_ends_with_its_worker(tmp_path, eventually, guarded, living):
     """Killed, the worker can say nothing to anybody; and should the guard be gone too, the kernel ends it."""
     worker = os.fork()
     if worker == 0:
@@ -136,8 +128,8 @@ def test_it_ends_with_its_worker(tmp_path, eventually, guarded):
         os.kill(pids["guard"], signal.SIGKILL)
     os.kill(worker, signal.SIGKILL)
     os.waitpid(worker, 0)
-    eventually(lambda: not alive(pids["horse"]))
+    eventually(lambda: not living(pid=pids["horse"]))
     if guarded:
-        eventually(lambda: not alive(pids["child"]))
+        eventually(lambda: not living(pid=pids["child"]))
     else:
         os.kill(pids["child"], signal.SIGKILL)

@@ -1,6 +1,5 @@
 """Training in two processes, as a user would start it."""
 
-import contextlib
 import os
 import signal
 import subprocess
@@ -39,26 +38,8 @@ sys.exit(main())
 """
 
 
-def still_running(group):
-    """Whether any process of a group is; those that only wait to be collected are not."""
-    for entry in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):
-            state, _, its_group = entry.read_text().rpartition(")")[2].split()[:3]
-            if int(its_group) == group and state not in "ZX":
-                return True
-    return False
-
-
-def ended(group, within=20.0):
-    """Whether all of a group end within so many seconds."""
-    end = time.monotonic() + within
-    while still_running(group) and time.monotonic() < end:
-        time.sleep(0.1)
-    return not still_running(group)
-
-
 @pytest.fixture
-def in_two(case_folder, tmp_path):
+def in_two(case_folder, tmp_path, living):
     """Runs `fit` in two processes, neither of which may be left; returns exit code and what was said."""
     script = tmp_path / "watched.py"
     script.write_text(WATCHED)
@@ -77,9 +58,12 @@ def in_two(case_folder, tmp_path):
         )
         try:
             said, _ = process.communicate(timeout=PATIENCE)
-            assert ended(process.pid)
+            end = time.monotonic() + 20.0
+            while living(group=process.pid) and time.monotonic() < end:
+                time.sleep(0.1)
+            assert not living(group=process.pid)
         finally:
-            if still_running(process.pid):
+            if living(group=process.pid):
                 os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
         return process.returncode, said
@@ -94,9 +78,6 @@ SMALL = [
     *("--trainer.enable_progress_bar=false", "--trainer.enable_model_summary=false"),
     *("--trainer.accelerator=cpu", "--trainer.devices=2"),
 ]
-
-
-pytestmark = pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="looks at processes through /proc")
 
 
 def test_two_processes_train_one_network_on_cases_of_their_own(in_two, tmp_path):
