@@ -104,10 +104,11 @@ def evaluate(
     Each method learns from the first seven tenths of a clip, and predicts the rest of it and the object's
     other clips. An evaluation that was stopped goes on where it was.
     """
-    from model.evaluation.document import Run, write_folder, write_section
+    from model.evaluation.document import Run, section, write_folder
     from model.evaluation.figures import figures
     from model.evaluation.run import evaluate as measure
     from model.evaluation.tables import as_plain, markdown, tables
+    from model.formats.page import write_section
 
     if docs is not None and not docs.is_file():
         raise InputError(f"--docs {docs}: no such page: give one that is there")
@@ -129,7 +130,7 @@ def evaluate(
     )
     written = write_folder(out, run, made, drawn)
     if docs is not None:
-        written += write_section(docs, run, made, drawn)
+        written += write_section(docs, section(run, made, drawn))
     if as_json:
         print_json({"run": asdict(run), "tables": as_plain(made), "files": [str(path) for path in written]})
     elif not quiet:

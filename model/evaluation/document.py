@@ -1,19 +1,15 @@
-"""The tables of a run in its folder, and between markers in `docs/evaluation.md`."""
+"""The tables of a run in its folder, and as a section of `docs/evaluation.md`."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from model.errors import InputError
 from model.evaluation.tables import Table, csv_text, markdown
 from model.formats.files import replacing
+from model.formats.page import Section
 from model.gap.report.style import png
-
-START, END = "<!-- evaluation: {} -->", "<!-- end of evaluation: {} -->"
-"""Around what a run of this title has written."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,8 @@ def write_folder(
     out: Path, run: Run, made: Sequence[Table], drawn: Mapping[str, tuple[str, Figure]]
 ) -> tuple[Path, ...]:
     """Write `tables.md`, `tables.csv` and the figures of a run into its folder."""
-    text = "\n".join([f"# {run.title}\n", _about(run), *(markdown(table) for table in made)])
+    tables = (markdown(table) for table in made)
+    text = "\n".join([f"# {run.title}\n", f"{_about(run)}\n", _how(run), *tables])
     contents = {"tables.md": text.encode(), "tables.csv": csv_text(made).encode()}
     contents |= {name: png(figure) for name, (_, figure) in drawn.items()}
     for name, content in contents.items():
@@ -43,47 +40,11 @@ def write_folder(
     return tuple(out / name for name in contents)
 
 
-def write_section(
-    page: Path, run: Run, made: Sequence[Table], drawn: Mapping[str, tuple[str, Figure]]
-) -> tuple[Path, ...]:
-    """Put a run's tables and figures into the page, in place of an older run of its title.
-
-    Args:
-        page: Has, or gets at its end, a place between two markers with the title. Figures go into `images`
-            beside it.
-        run: What was done.
-        made: Its tables.
-        drawn: Its figures.
-
-    Returns:
-        What was written.
-
-    Raises:
-        InputError: there is no such page, or only one of its two markers is there.
-    """
-    if not page.is_file():
-        raise InputError(f"{page}: no such page: give one that is there")
-    stem = "evaluation-" + re.sub(r"[^a-z0-9]+", "-", run.title.lower()).strip("-")
-    images = {f"{stem}-{name}": content for name, content in drawn.items()}
-    for name, (_, figure) in images.items():
-        with replacing(page.parent / "images" / name) as temporary:
-            temporary.write_bytes(png(figure))
-    links = [f"![{caption}](images/{name})\n" for name, (caption, _) in images.items()]
-    section = "\n".join([f"## {run.title}\n", _about(run), *(markdown(table) for table in made), *links])
-    with replacing(page) as temporary:
-        temporary.write_text(_placed(page.read_text(), page, run.title, section))
-    return (page, *(page.parent / "images" / name for name in images))
-
-
-def _placed(text: str, page: Path, title: str, section: str) -> str:
-    start, end = START.format(title), END.format(title)
-    inside = f"{start}\n\n{section.strip()}\n\n{end}"
-    if start not in text and end not in text:
-        return f"{text.rstrip()}\n\n{inside}\n"
-    if text.count(start) != 1 or text.count(end) != 1 or text.index(start) > text.index(end):
-        raise InputError(f"{page}: expected {start} and {end} once each, in this order")
-    before, after = text.split(start)[0], text.split(end)[1]
-    return before + inside + after
+def section(run: Run, made: Sequence[Table], drawn: Mapping[str, tuple[str, Figure]]) -> Section:
+    """What a page says of a run: its tables, and its figures below."""
+    figures = {name: (caption, png(figure)) for name, (caption, figure) in drawn.items()}
+    body = "\n".join([_how(run), *(markdown(table) for table in made)])
+    return Section("evaluation", run.title, _about(run), body, figures)
 
 
 def _about(run: Run) -> str:
@@ -93,8 +54,8 @@ def _about(run: Run) -> str:
         "uniform": "every material as likely",
         "wrong": "peaked, on a wrong material in three parts of ten",
     }[run.opinion]
-    return (
-        f"{run.objects} objects and {run.clips} clips of `{run.data}`, priors {told}; {run.date}, by\n\n"
-        f"```\n{run.command}\n```\n\n"
-        "Means over objects with 95 % intervals (bootstrap over objects).\n"
-    )
+    return f"{run.objects} objects and {run.clips} clips of `{run.data}`, priors {told}; {run.date}."
+
+
+def _how(run: Run) -> str:
+    return f"```\n{run.command}\n```\n\nMeans over objects with 95 % intervals (bootstrap over objects).\n"

@@ -41,8 +41,9 @@ def gap_benchmark(
     A world is NAME.npz, with NAME.transfer.npz for another interaction; labels are labels.json or
     labels.sealed. Sealed ones are opened once all predictions are written and hashed.
     """
+    from model.formats.page import write_section
     from model.gap.benchmark.check import benchmark
-    from model.gap.benchmark.document import printed, write_section
+    from model.gap.benchmark.document import HEAD, printed, section
     from model.gap.diagnose import diagnose
 
     options = ["--out", str(out), "--title", title, "--workers", str(workers)]
@@ -56,7 +57,7 @@ def gap_benchmark(
         for name, why in done.refused.items():
             click.echo(f"warning: {name}: {why}", err=True)
     if docs is not None:
-        write_section(docs, done.run, done.table, done.worlds)
+        write_section(docs, section(done.run, done.table, done.worlds), HEAD)
     if as_json:
         content: Mapping[str, Any] = {"run": asdict(done.run), **asdict(done.table)}
         click.echo(json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False))

@@ -1,12 +1,10 @@
 """The table of a run as text and as a section of `docs/gap-benchmark.md`."""
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from model.formats.files import replacing
+from model.formats.page import Section
 from model.gap.benchmark import figures
 from model.gap.benchmark.outcomes import Outcome
 from model.gap.benchmark.scores import Score, confusion
@@ -57,62 +55,33 @@ def printed(run: Run, table: Table) -> str:
     return "\n".join(lines)
 
 
-def write_section(path: Path, run: Run, table: Table, worlds: Sequence[Outcome]) -> tuple[Path, ...]:
-    """Put the section of a run into the page, in place of an older one of its title.
-
-    Args:
-        path: The page; made if missing. Figures go into `images` beside it.
-        run: What was done.
-        table: Its scores.
-        worlds: Its outcomes.
-
-    Returns:
-        What was written.
-    """
+def section(run: Run, table: Table, worlds: Sequence[Outcome]) -> Section:
+    """What a page says of a run: its tables, and its figures below."""
     clear = [each for each in worlds if each.clear]
-    stem = "gap-benchmark-" + re.sub(r"[^a-z0-9]+", "-", run.title.lower()).strip("-")
-    drawn = {f"{stem}-detectability.png": ("How small an effect may be", figures.detectability(table))}
+    drawn = {"detectability.png": ("How small an effect may be", figures.detectability(table))}
     if clear:
         drawn |= {
-            f"{stem}-confusion.png": ("Verdicts by truth", figures.matrix(clear)),
-            f"{stem}-calibration.png": ("What a probability is worth", figures.calibration(clear)),
+            "confusion.png": ("Verdicts by truth", figures.matrix(clear)),
+            "calibration.png": ("What a probability is worth", figures.calibration(clear)),
         }
-    written = []
-    for name, (_, figure) in drawn.items():
-        with replacing(path.parent / "images" / name) as temporary:
-            temporary.write_bytes(png(figure))
-        written.append(path.parent / "images" / name)
-    images = [f"![{caption}](images/{name})" for name, (caption, _) in drawn.items()]
-    section = "\n\n".join([*_section(run, table, worlds), *images]) + "\n"
-    old = path.read_text() if path.is_file() else HEAD
-    with replacing(path) as temporary:
-        temporary.write_text(_replaced(old, run.title, section))
-    return (path, *written)
-
-
-def _replaced(page: str, title: str, section: str) -> str:
-    """The page with the section of this title exchanged, or added at its end."""
-    head, *sections = re.split(r"(?m)^(?=## )", page)
-    kept = [each for each in sections if each.splitlines()[0] != f"## {title}"]
-    place = next((k for k, each in enumerate(sections) if each not in kept), len(kept))
-    return head + "\n".join(each.strip("\n") + "\n" for each in [*kept[:place], section, *kept[place:]])
-
-
-def _section(run: Run, table: Table, worlds: Sequence[Outcome]) -> list[str]:
-    counts = Counter(each.category for each in worlds)
-    made = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
-    pace = f" One diagnosis took {run.seconds:.0f} s at the median." if run.seconds else ""
-    return [
-        f"## {run.title}",
-        f"{len(worlds)} worlds of `{run.folder}` ({made}), {run.date}. Predictions `{run.digest[:16]}`."
-        + pace,
+    body = [
         f"```\n{run.command}\n```",
         _scores(table.rows),
         NOTES.strip(),
         _ladder(table),
         _scores(table.kinds),
-        _mistakes([each for each in worlds if each.clear]),
+        _mistakes(clear),
     ]
+    images = {name: (caption, png(figure)) for name, (caption, figure) in drawn.items()}
+    return Section("gap-benchmark", run.title, _about(run, worlds), "\n\n".join(body), images)
+
+
+def _about(run: Run, worlds: Sequence[Outcome]) -> str:
+    counts = Counter(each.category for each in worlds)
+    made = ", ".join(f"{count} {name}" for name, count in sorted(counts.items()))
+    pace = f" One diagnosis took {run.seconds:.0f} s at the median." if run.seconds else ""
+    told = f"{len(worlds)} worlds of `{run.folder}` ({made}), {run.date}. Predictions `{run.digest[:16]}`."
+    return told + pace
 
 
 def _scores(rows: Sequence[Row]) -> str:

@@ -7,8 +7,12 @@ import pytest
 from click.testing import CliRunner
 
 from model.errors import InputError
+from model.formats.page import EARLIER, END, START
 from model.gap.benchmark.command import gap_benchmark
 from model.gap.benchmark.labels import LOG, PLAIN, SEALED, seal
+
+KEPT = "### What it shows\n\nwords\n\n## Others\n\n### More\n\nwords\n"
+"""By hand, below a section."""
 
 
 @pytest.fixture
@@ -30,16 +34,17 @@ def call(*options):
 def test_one_command_prints_the_table_and_writes_the_page(worlds, tmp_path, diagnose):
     page = tmp_path / "docs" / "page.md"
     page.parent.mkdir()
-    page.write_text("# Head\n\n## Three worlds\n\nformerly\n\n## Others\n\nkept\n")
+    marks = [mark.format("gap-benchmark", "Three worlds") for mark in (START, END)]
+    page.write_text("\n\n".join(["# Head", marks[0], "## Three worlds", "formerly", marks[1], KEPT]))
     options = ("--out", tmp_path / "out", "--workers", 1, "--docs", page, "--title", "Three worlds")
     printed = call(worlds, *options).output
     assert re.search(r"top-1 +1\.000 \[0\.207, 1\.000\] +≥ 0\.75 +holds", printed)
     text = page.read_text()
-    assert re.findall("(?m)^#.*$", text) == ["# Head", "## Three worlds", "## Others"]
-    assert "formerly" not in text
-    assert text.endswith("## Others\n\nkept\n")
-    assert f"matphys gap-benchmark {worlds} --out {tmp_path / 'out'} --title 'Three worlds'" in text
+    heads = ["# Head", "## Three worlds", "### What it shows", "## Others", "### More"]
+    assert re.findall("(?m)^#.*$", text) == heads
     assert "3 worlds of `worlds` (1 null, 2 single)" in text
+    assert text.endswith(KEPT.replace("shows\n", f"shows\n\n{EARLIER}formerly*\n"))
+    assert f"matphys gap-benchmark {worlds} --out {tmp_path / 'out'} --title 'Three worlds'" in text
     images = re.findall(r"\((images/[^)]+)\)", text)
     assert len(images) == 3
     assert all((page.parent / image).read_bytes().startswith(b"\x89PNG") for image in images)
@@ -89,4 +94,6 @@ def test_a_page_can_be_of_worlds_none_of_which_is_clear(worlds, tmp_path, diagno
     (worlds / PLAIN).write_text(json.dumps(labels))
     page = tmp_path / "page.md"
     call(worlds, "--out", tmp_path / "out", "--workers", 1, "--docs", page, "--quiet")
-    assert page.read_text().count(".png)") == 1
+    text = page.read_text()
+    assert text.startswith("# The withheld check\n")
+    assert text.count(".png)") == 1
