@@ -13,7 +13,6 @@ from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
-from model.gap.screen import BLOCKS, screen
 from model.types import Observation
 
 FRAMES = 40
@@ -64,20 +63,6 @@ def test_finds_what_was_planted(shaken):
     assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.03)
     assert found.values["drag_rate"] == pytest.approx(truth["drag_rate"], rel=0.05)
     assert found.cost < 1.4 < 0.1 * float((misfit(vector[None]) ** 2).mean())
-
-
-def test_a_screen_ranks_what_was_planted_first(shaken):
-    still, twin = shaken
-    plain, effects = Hypothesis(twin), (StrainStiffening(), QuadraticAirDrag())
-    start = {name: quantity.start for name, quantity in plain.quantities.items()}
-    truth = {**start, "quadratic_air_drag.drag_per_mass": 3.0}
-    seen = moved(still, plain.with_effect(effects[1]), truth)
-    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
-    base = estimate(misfit, misfit.coordinates.vector(start)[None], steps=6)
-    frames = np.repeat(np.arange(1, FRAMES), seen.points.shape[1] * 3)
-    scores = screen(misfit, base, effects, BLOCKS * frames // FRAMES)
-    assert max(scores, key=lambda score: score.best.foretold).name == "quadratic_air_drag"
-    assert scores[1].best.foretold > 0.1 > scores[0].best.foretold
 
 
 def test_coordinates_go_there_and_back():

@@ -8,7 +8,7 @@ import pytest
 from model.gap.effects import GravityTilt, QuadraticAirDrag
 from model.gap.estimate import Misfit, Span
 from model.gap.evidence import BLOCKS, Column, gather
-from model.gap.screen import probes
+from model.gap.probes import probes
 from model.gap.signs import SIGN_NAMES, signs_of
 
 DRAG = {"quadratic_air_drag.drag_per_mass": 10.0}
