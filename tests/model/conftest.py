@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save
 
+from model import cli
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.movie import encode_mp4
@@ -90,6 +91,35 @@ def foreign_members(tensors: Mapping[str, np.ndarray]) -> dict[str, bytes]:
         "parameters.json": json.dumps(parameters).encode(),
         "parts.json": b"[]",
     }
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of a command that was run."""
+
+    code: int
+    stdout: str
+    stderr: str
+
+    @property
+    def line(self) -> str:
+        """What a refusal says: one line, and nothing on stdout."""
+        assert self.stdout == ""
+        assert self.stderr.count("\n") == 1
+        assert self.stderr.endswith("\n")
+        return self.stderr.strip()
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
+    """Runs `matphys` as a user would: `run("twin", …)`."""
+    monkeypatch.delenv("MATPHYS_DEBUG", raising=False)
+
+    def call(*arguments: object) -> Outcome:
+        code = cli.main([str(argument) for argument in arguments])
+        return Outcome(code, *capfd.readouterr())
+
+    return call
 
 
 @pytest.fixture

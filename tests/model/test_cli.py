@@ -4,8 +4,7 @@ import subprocess
 import sys
 import types
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,32 +15,6 @@ from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats import files
 from model.schema import StageRecord
-
-
-@dataclass(frozen=True)
-class Outcome:
-    code: int
-    stdout: str
-    stderr: str
-
-    @property
-    def line(self) -> str:
-        """What a refusal says: one line, and nothing on stdout."""
-        assert self.stdout == ""
-        assert self.stderr.count("\n") == 1
-        assert self.stderr.endswith("\n")
-        return self.stderr.strip()
-
-
-@pytest.fixture
-def run(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Outcome]:
-    monkeypatch.delenv("MATPHYS_DEBUG", raising=False)
-
-    def call(*arguments: object) -> Outcome:
-        code = cli.main([str(argument) for argument in arguments])
-        return Outcome(code, *capfd.readouterr())
-
-    return call
 
 
 @pytest.fixture
@@ -143,7 +116,8 @@ class TestTwin:
         assert result["warnings"] == ["segmentation: dark"]
 
     def test_quiet(self, run, pipeline, clip: Path, tmp_path: Path):
-        assert run("twin", clip, "--out", tmp_path / "a.twin.zip", "--quiet") == Outcome(0, "", "")
+        outcome = run("twin", clip, "--out", tmp_path / "a.twin.zip", "--quiet")
+        assert (outcome.code, outcome.stdout, outcome.stderr) == (0, "", "")
 
     def test_warnings_of_the_work_are_said_once_at_the_end(self, run, pipeline, clip: Path, tmp_path: Path):
         def warn() -> None:
@@ -261,132 +235,6 @@ class TestTwin:
         assert "it is a folder" in run("twin", clip, "--out", tmp_path).line
         assert "is not a folder" in run("twin", clip, "--out", clip / "a.twin.zip").line
         assert pipeline.video is None
-
-
-class TestSimulate:
-    @pytest.fixture
-    def twin_path(self, write_twin, tensors) -> Path:
-        """Soft and heavy, so that few substeps are enough."""
-        return write_twin(stiffness=tensors["stiffness"] / 10, mass=tensors["mass"] * 4)
-
-    def simulate(self, run, twin: Path, *more: object) -> tuple[Outcome, dict[str, np.ndarray]]:
-        out = twin.parent / "trajectory.npz"
-        outcome = run("simulate", twin, "--out", out, "--substeps", 12, *more)
-        assert outcome.code == 0, outcome.stderr
-        with np.load(out) as arrays:
-            return outcome, dict(arrays)
-
-    def test_recorded_controls(self, run, twin_path: Path, tensors):
-        outcome, arrays = self.simulate(run, twin_path)
-        assert set(arrays) == {"times", "points"}
-        assert arrays["times"].dtype == np.float64
-        assert arrays["points"].dtype == np.float32
-        np.testing.assert_allclose(arrays["times"], np.arange(5) / 30)
-        np.testing.assert_array_equal(arrays["points"][0], tensors["points"])
-        assert arrays["points"].shape == (5, 27, 3)
-        assert np.abs(arrays["points"][-1] - arrays["points"][0]).max() > 0.01
-        assert "wrote" in outcome.stdout
-        assert "5 frames of 27 points" in outcome.stdout
-
-    def test_it_is_repeatable_to_the_byte(self, run, twin_path: Path):
-        self.simulate(run, twin_path)
-        first = (twin_path.parent / "trajectory.npz").read_bytes()
-        self.simulate(run, twin_path)
-        assert (twin_path.parent / "trajectory.npz").read_bytes() == first
-
-    @pytest.mark.parametrize("key", ["controls", "controllers"])
-    def test_other_controls(self, run, twin_path: Path, tensors, key: str):
-        path = twin_path.parent / "controls.npz"
-        motion = tensors["controls"][:1].repeat(4, axis=0) + np.linspace(0, 0.05, 4)[:, None, None]
-        np.savez(path, **{key: motion, "times": np.array([0, 0.02, 0.05, 0.06])})
-        outcome, arrays = self.simulate(run, twin_path, "--controls", path)
-        np.testing.assert_allclose(arrays["times"], [0, 0.02, 0.05, 0.06])
-        assert arrays["points"].shape == (4, 27, 3)
-        assert "from where the controllers" not in outcome.stderr
-
-    def test_a_jump_is_said(self, run, twin_path: Path, tensors):
-        np.savez(twin_path.parent / "controls.npz", controls=tensors["controls"] + 0.05)
-        outcome, _ = self.simulate(run, twin_path, "--controls", twin_path.parent / "controls.npz")
-        assert "warning: controls.npz starts 0.05 m from where" in outcome.stderr
-
-    def test_too_few_substeps_are_said(self, run, twin_path: Path):
-        outcome, _ = self.simulate(run, twin_path, "--substeps", 2)
-        assert "warning: 2 substeps per frame" in outcome.stderr
-
-    def test_without_controllers(self, run, write_twin):
-        names = ["controls", "controller_points", "controller_springs"]
-        names += ["controller_rest_length", "controller_stiffness"]
-        _, arrays = self.simulate(run, write_twin(**dict.fromkeys(names)))
-        fall = 9.81 / 2 * (4 / 30) ** 2
-        drop = (arrays["points"][0] - arrays["points"][-1]).mean(axis=0)
-        np.testing.assert_allclose(drop, [0, 0, fall], atol=0.12 * fall)
-
-    def test_held_still_without_controls(self, run, write_twin):
-        _, arrays = self.simulate(run, write_twin(controls=None))
-        assert arrays["points"].shape == (5, 27, 3)
-
-    def test_json(self, run, twin_path: Path):
-        outcome, _ = self.simulate(run, twin_path, "--json")
-        result = json.loads(outcome.stdout)
-        assert result["frames"] == 5
-        assert result["points"] == 27
-        assert result["substeps_per_frame"] == 12
-
-    def test_a_broken_twin(self, run, twin_path: Path):
-        twin_path.write_bytes(b"PK\x03\x04")
-        outcome = run("simulate", twin_path, "--out", twin_path.parent / "o.npz")
-        assert outcome.code == 2
-        assert "expected a zip archive" in outcome.line
-        assert not (twin_path.parent / "o.npz").exists()
-
-    def test_no_frame_rate(self, run, write_twin):
-        path = write_twin(files={"twin.json": b'{"schema": "matphys.twin/1"}'})
-        outcome = run("simulate", path, "--out", path.parent / "o.npz", "--quiet")
-        assert outcome.code == 2
-        assert "source.fps is missing" in outcome.line
-
-    def test_an_effect_is_not_dropped_in_silence(self, run, write_twin):
-        path = write_twin(files={"effects.json": b'[{"name": "wind"}]'})
-        outcome = run("simulate", path, "--out", path.parent / "o.npz", "--quiet")
-        assert outcome.code == 2
-        assert "effects.json: 0: wind: drag_per_mass is missing" in outcome.line
-
-    def test_an_effect_moves_the_twin(self, run, write_twin):
-        wind = {
-            "name": "wind",
-            "parameters": {"drag_per_mass": 2.0, "x": 0.0, "y": {"value": 5.0, "unit": "m/s"}},
-        }
-        blown = write_twin("blown.twin.zip", files={"effects.json": json.dumps([wind]).encode()})
-        ends = []
-        for path in (write_twin(), blown):
-            assert (
-                run("simulate", path, "--out", path.parent / "o.npz", "--quiet", "--substeps", 60).code == 0
-            )
-            ends.append(np.load(path.parent / "o.npz")["points"][-1])
-        assert (ends[1] - ends[0])[:, 1].mean() > 1e-3
-
-
-class TestExport:
-    def test_ply(self, run, twin_path: Path):
-        out = twin_path.parent / "gaussians.ply"
-        outcome = run("export", twin_path, "--to", "ply", "--out", out)
-        assert outcome == Outcome(0, f"wrote {out}\n", "")
-        assert out.read_bytes().startswith(b"ply\n")
-
-    def test_json(self, run, twin_path: Path):
-        out = twin_path.parent / "gaussians.ply"
-        result = json.loads(run("export", twin_path, "--to", "ply", "--out", out, "--json").stdout)
-        assert result == {"format": "ply", "files": [str(out)]}
-
-    def test_unknown_format(self, run, twin_path: Path):
-        outcome = run("export", twin_path, "--to", "abc", "--out", twin_path.parent / "o")
-        assert outcome.code == 2
-        assert "unknown export method 'abc': choose one of" in outcome.line
-
-    def test_the_twin_is_never_overwritten(self, run, twin_path: Path):
-        outcome = run("export", twin_path, "--to", "ply", "--out", twin_path)
-        assert outcome.code == 2
-        assert "is the input" in outcome.line
 
 
 class TestInspect:
