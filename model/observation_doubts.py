@@ -18,6 +18,10 @@ AIRBORNE = 0.25
 """Share of its size by which the lowest point seen must be off the ground for an object to be in the air."""
 FLIGHT = 0.25
 """Seconds in the air from which it can be told whether something falls."""
+LARGE = 3.0
+"""Size [m] beyond which hands do not handle an object: a small one, in centimetres?"""
+WEAK = 1.0
+"""Gravity [m/s²] below which next to nothing pulls an object down."""
 
 
 def object_size(points: Float[Array, "T N 3"]) -> float | None:
@@ -40,10 +44,10 @@ def observation_doubts(observation: Observation) -> tuple[str, ...]:
         *_time_doubts(observation.times),
         *_seen_doubts(seen),
         *_speed_doubts(observation, seen),
+        *_size_doubts(observation),
         *_grip_doubts(observation),
+        *_gravity_doubts(observation),
     ]
-    if observation.gravity[2] > 0.0:
-        doubts.append(f"gravity points up ({observation.gravity[2]:g} m/s² along z): the world is z up")
     if hangs(observation):
         doubts.append(
             "controllers: the object stays in the air and nothing holds it: the hand is missing, so no cause "
@@ -82,6 +86,23 @@ def _speed_doubts(observation: Observation, seen: Bool[Array, "T N"]) -> list[st
     steps = np.linalg.norm(np.diff(observation.points, axis=0), axis=2)[both]
     speed = float((steps / np.diff(observation.times)[np.nonzero(both)[0]]).max())
     return [f"points: a point moves at {speed:.3g} m/s: a lost track?"] if speed > FAST else []
+
+
+def _size_doubts(observation: Observation) -> list[str]:
+    size = object_size(observation.points)
+    if size is None or size <= LARGE:
+        return []
+    return [f"points: the object measures {size:.3g} m: is it in centimetres?"]
+
+
+def _gravity_doubts(observation: Observation) -> list[str]:
+    gravity = observation.gravity
+    if gravity[2] > 0.0:
+        return [f"gravity points up ({gravity[2]:g} m/s² along z): the world is z up"]
+    size = float(np.linalg.norm(gravity))
+    if size < WEAK:
+        return [f"gravity: {size:.3g} m/s² pulls nothing down (9.81 on Earth): an object that hangs needs it"]
+    return []
 
 
 def _grip_doubts(observation: Observation) -> list[str]:

@@ -1,11 +1,24 @@
-"""Whether an observation can be diagnosed at all."""
+"""Whether an observation can be diagnosed at all, and whether another one can confirm what it says."""
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial import cKDTree
 
 from model.errors import InputError
-from model.observation_doubts import hangs
-from model.types import Observation
+from model.gap.bodies.first import first_places
+from model.observation_doubts import LONG_STEP, SHORT, hangs, object_size
+from model.types import Array, Observation
 
 FRAMES = 12
 """A diagnosis fits to the first two thirds and predicts the rest; fewer leave too little of both."""
+POINTS = 3
+"""Fewer have no shape."""
+BURIED = 0.25
+"""Share of its size by which the middle of an object may be below the ground: heights are measured badly."""
+NEIGHBOURS = 4
+OTHER = 2.0
+"""Neighbours that are so many times as far apart in another recording, or as near, are not the same points:
+half of all are, where points were tracked in another order or on another object."""
 
 
 def check_diagnosable(observation: Observation, name: str) -> None:
@@ -16,13 +29,99 @@ def check_diagnosable(observation: Observation, name: str) -> None:
         name: What the message calls it.
 
     Raises:
-        InputError: too few frames, or an object in the air that nothing holds and that does not fall.
+        InputError: too little to see forces by - frames, points, time between frames -, gravity that points
+            up, a ground above the object, or an object in the air that nothing holds and that does not fall.
     """
-    frames = len(observation.times)
-    if frames < FRAMES:
-        raise InputError(f"{name}: times: expected at least {FRAMES} frames to diagnose, found {frames}")
+    _check_enough(observation, name)
+    if observation.gravity[2] > 0.0:
+        raise InputError(
+            f"{name}: gravity: expected it to point down, found {observation.gravity[2]:g} m/s² along z: "
+            "the world is z up, turn points and controllers with it"
+        )
+    _check_ground(observation, name)
     if hangs(observation):
         raise InputError(
             f"{name}: controllers: expected the hand that holds the object, or ground_height where it lies: "
             "found neither near it, and it does not fall; no cause can be told from what is missing here"
         )
+
+
+def check_transfer(observation: Observation, transfer: Observation, name: str) -> None:
+    """Refuse another recording that can confirm nothing.
+
+    Args:
+        observation: What is diagnosed.
+        transfer: What is to confirm it, both within their contract.
+        name: What the message calls it.
+
+    Raises:
+        InputError: it is the same recording, or one of other points.
+    """
+    wanted = "give one in which the same points were tracked, in the same order"
+    count, other = observation.points.shape[1], transfer.points.shape[1]
+    if count != other:
+        raise InputError(
+            f"{name}: points: expected the {count} of the first recording, found {other}: {wanted}"
+        )
+    if np.array_equal(observation.points, transfer.points, equal_nan=True):
+        raise InputError(
+            f"{name}: points: expected another interaction with the object, found the same motion again, "
+            "which confirms nothing: leave it out, or give another recording"
+        )
+    ratio = _farther(first_places(observation), first_places(transfer))
+    if len(ratio) and np.median(np.abs(np.log(ratio))) > np.log(OTHER):
+        raise InputError(
+            f"{name}: points: expected those of the first recording, found that most neighbours there are "
+            f"{OTHER:g} times nearer or farther here: {wanted}"
+        )
+
+
+def _check_enough(observation: Observation, name: str) -> None:
+    times, seen = observation.times, np.isfinite(observation.points[..., 0])
+    if len(times) < FRAMES:
+        raise InputError(f"{name}: times: expected at least {FRAMES} frames to diagnose, found {len(times)}")
+    step, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
+    if step > LONG_STEP:
+        raise InputError(
+            f"{name}: times: expected at most {LONG_STEP:g} s between frames to diagnose, found {step:.3g}: "
+            "numbers of frames?"
+        )
+    if span < SHORT:
+        raise InputError(f"{name}: times: expected at least {SHORT:g} s to diagnose, found {span:.3g}")
+    ever = int(seen.any(0).sum())
+    if ever < POINTS:
+        raise InputError(
+            f"{name}: points: expected at least {POINTS} that are seen to diagnose, found {ever}"
+        )
+    frames = int((seen.sum(1) >= POINTS).sum())
+    if frames < FRAMES:
+        raise InputError(
+            f"{name}: points: expected {POINTS} or more seen in at least {FRAMES} frames to diagnose, "
+            f"found {frames} such frames"
+        )
+
+
+def _check_ground(observation: Observation, name: str) -> None:
+    ground, size = observation.ground_height, object_size(observation.points)
+    if ground is None or size is None:
+        return
+    height = float(np.nanmedian(observation.points[..., 2]))
+    if height < ground - BURIED * size:
+        raise InputError(
+            f"{name}: ground_height: expected a ground under the object, found {ground:.3g} m, the object "
+            f"at {height:.3g} m: is z up?"
+        )
+
+
+def _farther(before: Float64[Array, "N 3"], after: Float64[Array, "N 3"]) -> Float64[Array, " k"]:
+    """How many times as far apart neighbours of one recording are in the other; empty where none is seen."""
+    both = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
+    here, there = before[both], after[both]
+    count = min(NEIGHBOURS + 1, len(here))
+    if count < 2:
+        return np.zeros(0)
+    near = cKDTree(here).query(here, k=count)[1][:, 1:]
+    apart = [np.linalg.norm(each[near] - each[:, None], axis=-1).ravel() for each in (here, there)]
+    least = 1e-3 * max(float(np.median(apart[0])), 1e-9)
+    ratio: Float64[Array, " k"] = np.maximum(apart[1], least) / np.maximum(apart[0], least)
+    return ratio
