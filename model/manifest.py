@@ -70,6 +70,11 @@ def write_manifest(
     )
 
 
+def with_metrics(manifest: BundleManifest, metrics: Mapping[str, JsonValue]) -> BundleManifest:
+    """The manifest with further metrics, in the place of those of the same name."""
+    return manifest.model_copy(update={"metrics": {**manifest.metrics, **metrics}})
+
+
 def describe_parts(
     views: Sequence[PartView],
     priors: Sequence[MaterialPrior],

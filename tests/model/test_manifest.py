@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from model.manifest import describe_parts, write_manifest
+from model.manifest import describe_parts, with_metrics, write_manifest
 from model.priors.materials import MATERIALS
 from model.types import (
     Calibration,
@@ -46,6 +46,12 @@ def test_the_id_follows_from_clip_and_options_alone():
     one = write_manifest(FRAMES, 2, CALIBRATION, {"seed": 0}).id
     assert one == write_manifest(FRAMES, 1, CALIBRATION, {"seed": 0}).id
     assert one != write_manifest(FRAMES, 2, CALIBRATION, {"seed": 1}).id
+
+
+def test_further_metrics_take_the_place_of_those_of_their_name():
+    first = with_metrics(write_manifest(FRAMES, 2, CALIBRATION, {}), {"points": 3, "springs": 2})
+    assert with_metrics(first, {"springs": 9}).metrics == {"points": 3, "springs": 9}
+    assert first.metrics == {"points": 3, "springs": 2}
 
 
 def described():

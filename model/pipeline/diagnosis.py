@@ -1,0 +1,59 @@
+"""What a twin lacks of what really moved."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from model.bundle import TwinBundle
+from model.doubts import collect_doubts
+from model.gap.bodies.body import body_of
+from model.gap.diagnosable import check_diagnosable
+from model.gap.diagnosis import Diagnosis
+from model.gap.given import given_twin
+from model.gap.plain import PlainTwin
+from model.gap.result import DiagnosisResult
+from model.observation import read_observation
+from model.stage_log import StageReport
+from model.types import Observation
+
+
+def diagnose(
+    observation: Path, twin: Path | None, transfer: Path | None, report: StageReport
+) -> DiagnosisResult:
+    """Say where a twin departs from what really moved, which effect it lacks, and how far the gap shrinks.
+
+    Args:
+        observation: What really moved.
+        twin: What it is compared with; None: a plain twin made of the observation.
+        transfer: A second interaction with the same object.
+        report: Told which stage begins and how far the whole is.
+
+    Raises:
+        InputError: a file cannot be used, or they do not belong together; the message is one line.
+    """
+    from model.gap.diagnose import diagnose as find  # with a trained jury, which building a twin does without
+
+    report("observation", 0.0)
+    with collect_doubts() as doubts:
+        seen = _diagnosable(observation)
+        other = None if transfer is None else _diagnosable(transfer)
+        bundle = None if twin is None else TwinBundle.load(twin)
+        given = None if bundle is None else given_twin(bundle, seen)
+        found = find(seen if given is None else given.observation, given, other, report)
+    plain = given or PlainTwin.of(body_of(seen), seen)
+    report("done", 1.0)
+    return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle)
+
+
+def _diagnosable(path: Path) -> Observation:
+    observation = read_observation(path)
+    check_diagnosable(observation, path.name)
+    return observation
+
+
+def _doubted(found: Diagnosis, doubts: Sequence[str]) -> Diagnosis:
+    """The diagnosis with what its input gave reason to doubt among the warnings of its report."""
+    report = found.findings.report
+    said = tuple(dict.fromkeys([*report.warnings, *doubts]))
+    findings = replace(found.findings, report=report.model_copy(update={"warnings": said}))
+    return replace(found, findings=findings)
