@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from model.gap.bodies.body import Body
-from model.gap.bodies.grip import held_places
+from model.gap.bodies.grip import held_distance, held_places
 from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
@@ -28,14 +28,14 @@ MASS = 0.2
 SHORTEST = 0.3
 """No rest length is below this share of the length in the first frame."""
 FARTHEST = 0.5
-"""Spacings: no spring of a hand is stretched by more than this in the first frame."""
+"""Grasps: no spring of a hand is stretched by more than this in the first frame."""
 DAMPED = 0.4
 """Share of the critical damping of a spring between two points that its dashpot has at most."""
 FIRM = 0.5
 """Springs of a hand are at least this stiff against those of the object: it holds, it does not dangle."""
 SAME_HAND = 2.5
-"""Spacings: controllers nearer than this belong to one hand."""
-UPRIGHT = {"rope": 2, "sheet": 3, "solid": 5}
+"""Grasps: controllers nearer than this belong to one hand."""
+UPRIGHT = {"rope": 4, "sheet": 3, "solid": 5}
 """Points near each controller that a hand holds at least a little: they carry its turns over."""
 MODES = 2
 """Along the two longest axes of the body, stiffness may grow from one end to the other."""
@@ -58,7 +58,7 @@ class Matter:
     start: Mapping[str, float]
     """Where a fit of `PlainTwin.quantities` starts."""
     grip_distance: Float64[Array, " S"] | None = None
-    """How far what is held is from the controllers [m], where it is not known how far the hand reaches."""
+    """How far each held point is from its hand [m], where it is not known how far that reaches."""
     restitution: float = 0.0
     collision_distance: float = 0.0
     """[m]; 0: the body does not meet itself."""
@@ -74,7 +74,9 @@ class Matter:
         """Of a body of which nothing is known but its shape, which is at ease but for its weight."""
         way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
         length: Float64[Array, " E"] = np.linalg.norm(way, axis=1)
-        distance = cKDTree(observation.controllers[0]).query(body.points[body.grip[:, 1]])[0]
+        hands = observation.controllers[0].astype(np.float64)
+        held = body.points[body.grip[:, 1]]
+        distance = held_distance(hands, held, SAME_HAND * body.grasp) if len(held) else np.zeros(0)
         weight = MASS * max(float(np.linalg.norm(observation.gravity)), 1.0)
         start = {
             "stiffness": 30.0 * weight / body.spacing / max(1.0, len(body.points) ** 0.5),
@@ -92,7 +94,7 @@ class Matter:
             np.ones(len(body.grip)),
             np.zeros(len(body.grip)),
             start,
-            distance.astype(np.float64),
+            distance,
         )
 
 
@@ -121,11 +123,11 @@ class PlainTwin:
         if matter is None:
             held = _reachable(body, observation)
             if len(held):
-                controls = held_places(controls, body.points[held], SAME_HAND * body.spacing)
+                controls = held_places(controls, body.points[held], SAME_HAND * body.grasp)
             body = replace(body, grip=np.stack([np.arange(len(held)), held], axis=1))
             matter = Matter.guessed(body, observation)
         bearing = np.zeros(len(body.points))
-        reach = torch.tensor(matter.start.get("reach", 1.0) * body.spacing, dtype=torch.float64)
+        reach = torch.tensor(matter.start.get("reach", 1.0) * body.grasp, dtype=torch.float64)
         np.maximum.at(bearing, body.grip[:, 1], matter.fading(reach).numpy())
         if observation.ground_height is not None:
             bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
@@ -147,7 +149,7 @@ class PlainTwin:
         if len(self.body.grip):
             own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
             if self.matter.grip_distance is not None:
-                own["reach"] = Quantity("1", (0.2, 1.2), start["reach"])
+                own["reach"] = Quantity("1", (0.1, 1.2), start["reach"])
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         for mode in range(0 if self.body.shape == "rope" else MODES):
@@ -196,7 +198,7 @@ class PlainTwin:
         stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
         if matter.grip_distance is None:
             return stiffness
-        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.spacing)
+        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp)
         return faded
 
     def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
@@ -206,7 +208,7 @@ class PlainTwin:
             return controls
         load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
         beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load
-        far = FARTHEST * self.body.spacing
+        far = FARTHEST * self.body.grasp
         beyond = (far * torch.tanh(beyond / far)).to(dtype)
         if beyond.ndim == 2:
             return controls + beyond
@@ -232,11 +234,11 @@ def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
     if not len(body.grip):
         return np.zeros(0, np.int64)
     places = observation.controllers[0].astype(np.float64)
-    near = cKDTree(body.points[np.unique(body.grip[:, 1])]).query(places)[0] <= 1.5 * body.spacing
+    near = cKDTree(body.points[np.unique(body.grip[:, 1])]).query(places)[0] <= 1.5 * body.grasp
     places = places[near] if near.any() else places
     tree = cKDTree(body.points)
     few = min(UPRIGHT[body.shape], len(body.points))
-    held = {int(i) for near in tree.query_ball_point(places, 1.5 * body.spacing) for i in near}
+    held = {int(i) for near in tree.query_ball_point(places, 1.5 * body.grasp) for i in near}
     held |= {int(i) for i in tree.query(places, k=few)[1].ravel()}
     return np.array(sorted(held), np.int64)
 

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
-from model.gap.bodies.body import Body, grip_of
+from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.rest import rest_places
 from model.gap.estimate import Misfit, Span, estimate
 from model.gap.forecast import Forecast, forecast
@@ -35,7 +35,7 @@ UNBENT = 0.3
 """How much mass points are moved alike, against where the observed points are seen: those that nobody sees go
 with their neighbours, and noise does not crumple the body."""
 SAME_HAND = 0.5
-"""Spacings: controllers this near to where the body takes those of the first recording hold the same."""
+"""Grasps: controllers this near to where the body takes those of the first recording hold the same."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,9 @@ def transferred(study: Study, observation: Observation) -> Transferred:
         InputError: other points were tracked, or too few of them are seen in both.
     """
     twin = study.plain.twin
-    points = _posed(twin.body, _sure(study.observation), _sure(observation))
+    here, there = rest_places(study.observation), rest_places(observation)
+    points = _posed(twin.body, _sure(here, study.observation), _sure(there, observation))
+    twin = replace(twin, body=_told_there(twin.body, here, there, points))
     turned = _held_alike(twin, study.observation, observation, points)
     twin = turned or _held_anew(twin, observation, points)
     world = replace(study.plain, twin=twin)
@@ -115,13 +117,29 @@ def _own(
     return found.values
 
 
-def _sure(observation: Observation) -> Float64[Array, "N 3"]:
+def _sure(places: Float64[Array, "N 3"], observation: Observation) -> Float64[Array, "N 3"]:
     """Places in the first frame of what is seen there; what is not may have been taken for somewhere else."""
-    places = rest_places(observation)
     seen = np.isfinite(observation.points[0, :, 0])
-    if seen.sum() >= 3:
-        places[~seen] = np.nan
-    return places
+    return np.where(seen[:, None], places, np.nan) if seen.sum() >= 3 else places
+
+
+def _told_there(
+    body: Body, here: Float64[Array, "N 3"], there: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
+) -> Body:
+    """The body, of which points that were never seen in the first recording are where the other shows them.
+
+    Args:
+        body: Of the first recording.
+        here: Places of the observed points in its first frame [m]; NaN: never seen.
+        there: The same of the other recording.
+        points: Mass points in the other recording's first frame [m].
+    """
+    new = np.isnan(here[:, 0]) & np.isfinite(there[:, 0])
+    if not new.any():
+        return body
+    index, weight = body.index.copy(), body.weight.copy()
+    index[new], weight[new] = between(there[new], points)
+    return replace(body, index=index, weight=weight)
 
 
 def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3"]) -> Float64[Array, "P 3"]:
@@ -172,14 +190,14 @@ def _held_alike(
         return None
     apart = np.linalg.norm(hand[twin.body.grip[:, 0]] - points[twin.body.grip[:, 1]], axis=1)
     first = np.linalg.norm(own[twin.body.grip[:, 0]] - twin.body.points[twin.body.grip[:, 1]], axis=1)
-    if np.abs(apart - first).max() > SAME_HAND * twin.body.spacing:
+    if np.abs(apart - first).max() > SAME_HAND * twin.body.grasp:
         return None
     return replace(twin, observation=after, controls=after.controllers.astype(np.float64))
 
 
 def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array, "P 3"]) -> PlainTwin:
     """Held where the hand is now, with the material that it has."""
-    grip = grip_of(points, observation.controllers[0].astype(np.float64), twin.body.spacing)
+    grip = grip_of(points, observation.controllers[0].astype(np.float64), twin.body.grasp)
     found = PlainTwin.of(replace(twin.body, points=points, grip=grip), observation)
     own = twin.matter
     matter = replace(

@@ -24,6 +24,8 @@ LEAST = 6
 """Neighbours that every point is joined to, however far."""
 SOFT = 0.01
 """How far weights give way that would have to be large."""
+GRASP = {"rope": 2.0, "sheet": 1.0, "solid": 1.0}
+"""Spacings that a hand holds at once; ropes have more points than a hand is small."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,11 @@ class Body:
     spacing: float
     """Of the points [m]."""
 
+    @property
+    def grasp(self) -> float:
+        """How much of the object a hand holds at once, about [m]."""
+        return GRASP[self.shape] * self.spacing
+
 
 def body_of(observation: Observation, shape: Shape | None = None, scale: float = 1.0) -> Body:
     """Fill what is seen with mass points and join them.
@@ -63,8 +70,8 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     controllers = observation.controllers[0].astype(np.float64)
     shape = shape or guess_shape(places)
     points, springs, spacing = _joined(shape, places, controllers, scale)
-    index, weight = _between(seen, points)
-    grip = grip_of(points, controllers, spacing)
+    index, weight = between(seen, points)
+    grip = grip_of(points, controllers, GRASP[shape] * spacing)
     return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
 
 
@@ -80,20 +87,20 @@ def _joined(
 
 
 def grip_of(
-    points: Float64[Array, "P 3"], controllers: Float64[Array, "C 3"], spacing: float
+    points: Float64[Array, "P 3"], controllers: Float64[Array, "C 3"], grasp: float
 ) -> Int64[Array, "S 2"]:
-    """Every controller holds the points within reach of it."""
+    """Every controller holds the points within reach of it: `grasp` [m] is how much a hand holds at once."""
     tree = cKDTree(points)
     pairs: list[tuple[int, int]] = []
     for i, place in enumerate(controllers):
         nearest = float(tree.query(place)[0])
-        if nearest <= 1.5 * spacing:
-            reach = max(0.75 * spacing, 1.05 * nearest)
+        if nearest <= 1.5 * grasp:
+            reach = max(0.75 * grasp, 1.05 * nearest)
             pairs += [(i, int(j)) for j in sorted(tree.query_ball_point(place, reach))]
     return np.array(pairs, np.int64).reshape(-1, 2)
 
 
-def _between(
+def between(
     seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
 ) -> tuple[Int64[Array, "N k"], Float64[Array, "N k"]]:
     """Each observed point as a weighted mean of the nearest mass points, exact where it is one."""

@@ -48,7 +48,18 @@ def _middle(
         ordered: Float64[Array, "n 3"] = places[np.argsort(away, kind="stable")]
         return ordered
     bins = np.clip((SLICES * away / length).astype(int), 0, SLICES - 1)
-    return np.stack([places[bins == b].mean(0) for b in range(SLICES) if (bins == b).any()])
+    slices = [bins == b for b in range(SLICES) if (bins == b).any()]
+    line = np.stack([places[own].mean(0) for own in slices])
+    # the middle of the last slice is not the end of the rope
+    short = away[slices[0]].mean() - away.min(), away.max() - away[slices[-1]].mean()
+    line[0] += short[0] * _direction(line[1], line[0])
+    line[-1] += short[1] * _direction(line[-2], line[-1])
+    return line
+
+
+def _direction(start: Float64[Array, "3"], end: Float64[Array, "3"]) -> Float64[Array, "3"]:
+    way: Float64[Array, 3] = (end - start) / max(float(np.linalg.norm(end - start)), 1e-12)
+    return way
 
 
 def _with_ends(

@@ -97,3 +97,19 @@ def test_what_is_held_elsewhere_is_held_anew(sheet):
     found = transferred(sheet, replace(sheet.observation, controllers=hands))
     held = found.twin.body.points[found.twin.body.grip[:, 1]]
     assert held[:, 2].max() < sheet.plain.twin.body.points[sheet.plain.twin.body.grip[:, 1]][:, 2].min()
+
+
+def test_a_point_that_the_first_recording_never_shows_is_where_the_other_has_it(sheet):
+    """The body of the first has to have it somewhere."""
+    twin = sheet.plain.twin
+    points, index, weight = sheet.observation.points.copy(), twin.body.index.copy(), twin.body.weight.copy()
+    points[:, 3], index[3], weight[3] = np.nan, 0, 1.0 / weight.shape[1]
+    body = replace(twin.body, index=index, weight=weight)
+    unknowing = replace(
+        sheet,
+        observation=replace(sheet.observation, points=points),
+        plain=replace(sheet.plain, twin=replace(twin, body=body)),
+    )
+    found = transferred(unknowing, sheet.observation).twin.body
+    place = (found.points[found.index[3]] * found.weight[3][:, None]).sum(0)
+    assert np.linalg.norm(place - sheet.observation.points[0, 3]) < 5e-3

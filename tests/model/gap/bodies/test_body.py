@@ -77,6 +77,17 @@ def test_markers_in_a_row_are_a_rope():
     assert set(body.grip[:, 0]) == {0, 1}
 
 
+def test_a_rope_of_many_points_is_as_long_as_they_say():
+    """Its middle line is of means of slices, whose ends are not the rope's."""
+    places = np.random.default_rng(1).normal(size=(400, 3)) * 0.002
+    places[:, 0] = np.linspace(0.0, 0.7, 400)
+    body = body_of(seen(places))
+    assert body.shape == "rope"
+    assert np.ptp(body.points[:, 0]) == pytest.approx(0.7, abs=4e-3)
+    assert len(body.points) > 40
+    assert body.grasp == pytest.approx(2.0 * body.spacing)
+
+
 @pytest.mark.parametrize("name", ["rope", "sheet", "ball"])
 def test_what_is_seen_lies_on_the_body(name, request):
     places = request.getfixturevalue(name)
