@@ -16,6 +16,7 @@ from model.gap.effects.base import (
     spring_stiffness,
     vector,
 )
+from model.gap.heading import wrapped
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
@@ -94,3 +95,7 @@ class Anisotropy(Effect):
         along = (fibre @ way.T) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
         share = on_springs(world, where).to(fibre)
         return world.with_force(FibreSpring(spring_stiffness(world), along * share, values["excess"]))
+
+    def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
+        """Fibres in another direction."""
+        return {**values, "azimuth": wrapped(values["azimuth"] + angle)}

@@ -77,6 +77,10 @@ class Effect(ABC):
         """How strongly it acts on each mass point, 0..1, as a report shows it."""
         return on_points(world, where)
 
+    def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
+        """The values of the same effect where all is turned by this angle [rad] about the vertical."""
+        return dict(values)
+
 
 def on_points(world: World, where: Field | None) -> Field:
     """The field, which is 1 everywhere where none is given."""

@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
 import torch
 
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, vector
+from model.gap.heading import turned_level
 from model.gap.world import World
 from model.simulator.forces.gravity import Gravity
 
@@ -37,3 +39,8 @@ class GravityTilt(Effect):
         sine, cosine = torch.sin(values["about_y"]), torch.cos(values["about_y"])
         x, z = cosine * x + sine * z, -sine * x + cosine * z
         return world.with_force(Gravity(vector(x, y, z)))
+
+    def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
+        """About axes that are turned: exact for small tilts, whose order does not matter."""
+        x, y = turned_level(np.array([values["about_x"], values["about_y"]]), angle)
+        return {**values, "about_x": float(x), "about_y": float(y)}

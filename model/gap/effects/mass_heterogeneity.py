@@ -3,12 +3,15 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float64
 from torch import Tensor
 
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, on_points, vector
+from model.gap.heading import from_axes, heading, turned_level
 from model.gap.world import World
+from model.types import Array
 
 
 class MassHeterogeneity(Effect):
@@ -37,7 +40,10 @@ class MassHeterogeneity(Effect):
     }
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
-        """Load the points around the centre; x, y, z are shares of the box around the rest shape."""
+        """Load the points around the centre; x, y, z are shares of an upright box around the rest shape.
+
+        The box lies along the body; its sides are called after the axes that they are nearest to.
+        """
         more = values["excess"] * self._near(world, values, where)
         mass = mass_of(world).to(more) * (1.0 + more)
         return world.with_system(world.system.with_values(mass=mass))
@@ -47,9 +53,15 @@ class MassHeterogeneity(Effect):
         return self._near(world, values, where).detach().to(torch.float64)
 
     def _near(self, world: World, values: Values, where: Field | None) -> Float[Tensor, "*b P"]:
-        points = world.system.points.to(values["x"])
+        points = _in_own_box(world.system.points.double().numpy()).to(values["x"])
         low, high = points.amin(0), points.amax(0)
         size = (high - low).norm()
         centre = low + (high - low) * vector(values["x"], values["y"], values["z"])
         apart = ((points - centre.unsqueeze(-2)) ** 2).sum(-1) / (values["radius"] * size) ** 2
         return torch.exp(-0.5 * apart) * on_points(world, where).to(apart)
+
+
+def _in_own_box(points: Float64[Array, "P 3"]) -> Float[Tensor, "P 3"]:
+    """Places [m] in axes that are turned about the vertical until they lie along the body."""
+    level = turned_level(points[:, :2], -from_axes(heading(points)))
+    return torch.from_numpy(np.concatenate([level, points[:, 2:]], axis=1))

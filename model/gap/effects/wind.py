@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
 import torch
 from jaxtyping import Int
 from torch import Tensor
 
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, on_points
 from model.gap.effects.quadratic_air_drag import SLOWEST
+from model.gap.heading import turned_level
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
@@ -83,3 +85,8 @@ class SteadyWind(Effect):
         points = torch.arange(len(share)).unsqueeze(-1)
         coefficient = values["drag_per_mass"] * share.to(values["drag_per_mass"])
         return world.with_force(Wind(points, coefficient, values["x"], values["y"]))
+
+    def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
+        """It blows another way."""
+        x, y = turned_level(np.array([values["x"], values["y"]]), angle)
+        return {**values, "x": float(x), "y": float(y)}
