@@ -14,14 +14,17 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Int64
 from safetensors.torch import save_file
 
 from model.gap.benchmark.labels import PLAIN, open_labels
+from model.gap.benchmark.predict import TRANSFER
 from model.gap.classifier import UNKNOWN
 from model.gap.evidence import gather
 from model.gap.learn import (
@@ -39,22 +42,37 @@ from model.gap.learn import (
 from model.gap.meeting import able_effects
 from model.gap.schema import EFFECT_NAMES
 from model.gap.study import study
+from model.gap.transfer import transferred
 from model.gap.worlds import make_world, random_effects
 from model.observation import read_observation
-from model.types import Observation
+from model.types import Array, Observation
 
+BOTH = ".both.npz"
+"""Ending of the evidence of two interactions together."""
 TRIES = 6
 """Draws for a world whose effects cannot act in the first."""
 
 
-def example_of(observation: Observation, effects: Sequence[str], group: str) -> Example:
-    """The evidence of one world."""
+def examples_of(
+    observation: Observation, transfer: Observation | None, effects: Sequence[str], group: str
+) -> list[Example]:
+    """The evidence of one world, without its other interaction and, where there is one, with it."""
     torch.set_num_threads(1)
     fitted = study(observation)
     ground = observation.ground_height is not None
     named = tuple(name if name in EFFECT_NAMES else UNKNOWN for name in effects)
     shape = fitted.plain.twin.body.shape
-    return Example(gather(fitted, able_effects(fitted)), shape, fitted.base.cost, ground, named, group)
+    alone = Example(gather(fitted, able_effects(fitted)), shape, fitted.base.cost, ground, named, group)
+    if transfer is None:
+        return [alone]
+    other = transferred(fitted, transfer).study(fitted)
+    return [alone, replace(alone, evidence=alone.evidence.joined(gather(other, able_effects(other))))]
+
+
+def write_examples(path: Path, examples: Sequence[Example]) -> None:
+    """The first as `path`, one with another interaction beside it."""
+    for example, name in zip(examples, (path, path.with_suffix(BOTH)), strict=False):
+        write_example(name, example)
 
 
 def own(seed: int, out: Path) -> str:
@@ -67,7 +85,7 @@ def own(seed: int, out: Path) -> str:
     for attempt in range(TRIES):
         made = make_world(TRIES * seed + attempt, kinds)
         if made is not None:
-            write_example(path, example_of(made.observation, made.effects, "own"))
+            write_examples(path, examples_of(made.observation, None, made.effects, "own"))
             return path.name
     return f"{path.name}: {', '.join(kind.name for kind in kinds)} could not act"
 
@@ -77,7 +95,11 @@ def of_folder(world: str, folder: Path, effects: tuple[str, ...], out: Path) -> 
     path = out / f"{world}.npz"
     if not path.is_file():
         warnings.simplefilter("ignore")
-        write_example(path, example_of(read_observation(folder / path.name), effects, folder.name))
+        other = folder / f"{world}{TRANSFER}"
+        transfer = read_observation(other) if other.is_file() else None
+        write_examples(
+            path, examples_of(read_observation(folder / path.name), transfer, effects, folder.name)
+        )
     return path.name
 
 
@@ -101,11 +123,19 @@ def _print(title: str, found: dict[str, float]) -> None:
     print(f"| {title} | " + " | ".join(f"{value:.2f}" for value in found.values()) + " |", flush=True)
 
 
+def _parts(paths: Sequence[Path]) -> list[Int64[Array, " _"]]:
+    """A fifth of the worlds each: what is known of one world is never in two."""
+    worlds = [str(path).removesuffix(BOTH).removesuffix(".npz") for path in paths]
+    unique = sorted(set(worlds))
+    return [np.flatnonzero(np.isin(worlds, [unique[i] for i in part])) for part in folds(len(unique))]
+
+
 def learn(folders: Sequence[Path], out: Path, leave_out: bool) -> None:
     """Train, say how well it does on worlds it has not seen, write the weights."""
-    examples = [read_example(path) for folder in folders for path in sorted(folder.glob("*.npz"))]
+    paths = [path for folder in folders for path in sorted(folder.glob("*.npz"))]
+    examples = [read_example(path) for path in paths]
     lessons = [lesson_of(example, i) for i, example in enumerate(examples)]
-    parts, targets = folds(len(lessons)), np.stack([lesson.copies[0][1] for lesson in lessons])
+    parts, targets = _parts(paths), np.stack([lesson.copies[0][1] for lesson in lessons])
     bold = cross_validated(lessons, parts)
     held = with_caution(bold, targets, parts)
     named = scores(examples, held)
@@ -114,8 +144,14 @@ def learn(folders: Sequence[Path], out: Path, leave_out: bool) -> None:
     _print("a fifth at a time", named)
     _print("the same, without caution", scores(examples, bold))
     for group in sorted({example.group for example in examples}):
-        some = [i for i, example in enumerate(examples) if example.group == group]
-        _print(f"the same, {group} alone", scores([examples[i] for i in some], held[some]))
+        for both, word in ((False, "one interaction"), (True, "two")):
+            some = [
+                i
+                for i, (path, example) in enumerate(zip(paths, examples, strict=True))
+                if example.group == group and path.name.endswith(BOTH) == both
+            ]
+            if some:
+                _print(f"the same, {group}, {word}", scores([examples[i] for i in some], held[some]))
     for title, part in _left_out(examples) if leave_out else ():
         if 0 < len(part) < len(examples):
             other = cross_validated(lessons, [np.array(part)])[part]

@@ -1,7 +1,7 @@
 """The order of a diagnosis: fit the plain twin, ask what could explain the gap, confirm it, say how far."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -29,6 +29,8 @@ from model.types import Observation
 
 CONFIRMED, EXPLAINING = 3, 2
 """Effects that are fitted: the likeliest ones, and those that explain most."""
+SEEN = 0.98
+"""An effect that leaves more than this share of what the plain twin does is not there to be seen."""
 BETTER = 0.95
 """Two effects are named where together they leave less than this share of what one leaves."""
 
@@ -66,7 +68,11 @@ def _diagnosed(
     other = None if transfer is None else transferred(fitted, transfer)
     tell("screen", 0.2)
     able = able_effects(fitted)
-    evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.4 * share))
+    evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.2 * share))
+    if other is not None:
+        again = other.study(fitted)
+        shown = gather(again, able_effects(again), lambda share: tell("screen", 0.4 + 0.2 * share))
+        evidence = evidence.joined(shown)
     body = fitted.plain.twin.body
     signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)
     tell("confirm", 0.6)
@@ -98,9 +104,7 @@ def _tried(
     }
     verdict = first.doubting(confirmed, plain)
     if other is not None:
-        verdict = verdict.seconded(
-            {name: _support(fitted, other, plain, one) for name, one in confirmed.items()}
-        )
+        verdict = verdict.seconded(_supports(other, plain, confirmed), fitted.plain.twin.body.shape)
     best = verdict.effect
     if best is None:
         return Tried(verdict, confirmed, None, None)
@@ -123,9 +127,20 @@ def _likely(first: Judged, signs: Signs) -> list[EffectName]:
     return list(dict.fromkeys([*ranked, *most]))
 
 
-def _support(fitted: Study, other: Transferred, plain: Fitted, one: Confirmed) -> float:
-    here, there = closure(fitted, plain, one).closure, closed_there(fitted, other, plain, one).closure
-    return support(here.closed_fraction, there.closed_fraction)
+def _supports(
+    other: Transferred, plain: Fitted, confirmed: Mapping[EffectName, Confirmed]
+) -> dict[EffectName, float]:
+    """What speaks for each effect in both recordings; parameters of effects are fitted to the first alone.
+
+    One that explains nothing in the first is not tried in the other: there is no strength to try it with.
+    """
+    here, there = plain.estimate.cost, other.left(plain)
+    return {
+        name: support((here, one.estimate.cost), (there, other.left(one)))
+        if one.estimate.cost < SEEN * here
+        else 0.0
+        for name, one in confirmed.items()
+    }
 
 
 def _starts(signs: Signs, evidence: Evidence) -> dict[str, dict[str, float]]:

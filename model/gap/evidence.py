@@ -6,7 +6,7 @@ columns; what is kept are their inner products in cells of time and of distance 
 test, of one effect or of several, held out in time or not, is algebra on these.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from jaxtyping import Float64, Int64
 from model.gap.bodies.first import first_places
 from model.gap.effects.base import Effect
 from model.gap.estimate import STEPS, Misfit, Span
+from model.gap.heading import heading
 from model.gap.probes import probes
 from model.gap.study import Study
 from model.types import Array
@@ -23,6 +24,10 @@ BLOCKS = 5
 """Cells of time."""
 HAND_GAIN = 1.03
 """Hands that move by a little more than is said."""
+CALM = 1e-3
+"""No cell counts for more than this share of the usual one makes it."""
+RECORDINGS_OWN = ("twin", "sensor", "hand")
+"""Kinds of columns that no two recordings share."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,40 @@ class Evidence:
     counts: Int64[Array, " c"]
     """Residuals in each cell."""
 
+    @property
+    def weighed(self) -> "Evidence":
+        """Each cell counting by how much was seen in it, not by how badly the twin foretells there.
+
+        What a twin does worst, the whipping of an end, the moment of a grasp, says least of what it lacks:
+        innovations are weighed by their own size, as a covariance would. To weigh twice changes nothing.
+        """
+        energy = self.grams[:, -1, -1] / np.maximum(self.counts, 1)
+        energy = np.maximum(energy, CALM * max(float(np.median(energy)), 1e-300))
+        return replace(self, grams=self.grams / energy[:, None, None])
+
+    def joined(self, other: "Evidence") -> "Evidence":
+        """With that of another recording of the same object.
+
+        Effects have the same strength in both; those that can act in the other alone explain nothing here and
+        are left out. The twin's own parameters follow in each by themselves, and
+        sensors and hands err in each in their own way: those columns are zero in the other's cells.
+        """
+        places: dict[Hashable, tuple[int | None, int | None]] = {}
+        for i, column in enumerate(self.columns):
+            places[_key(column, "first", i)] = i, None
+        for j, column in enumerate(other.columns):
+            key = _key(column, "other", j)
+            if key in places or column.kind in RECORDINGS_OWN:
+                places[key] = places.get(key, (None, None))[0], j
+        # the innovations stay the last
+        places["plain"] = places.pop("plain")
+        here, there = zip(*places.values(), strict=True)
+        return Evidence(
+            tuple(_either(self, i, other, j) for i, j in places.values()),
+            np.concatenate([_spread(self.grams, here), _spread(other.grams, there)]),
+            np.concatenate([self.counts, other.counts]),
+        )
+
     def of(self, kind: str) -> list[int]:
         """Columns of one kind."""
         return [i for i, column in enumerate(self.columns) if column.kind == kind]
@@ -52,6 +91,30 @@ class Evidence:
     def kinds(self) -> tuple[str, ...]:
         """Without repetition, in order."""
         return tuple(dict.fromkeys(column.kind for column in self.columns))
+
+
+def _key(column: Column, recording: str, index: int) -> Hashable:
+    """The same for columns that two recordings share."""
+    if column.kind == "plain":
+        return "plain"
+    own = (recording, index) if column.kind in RECORDINGS_OWN else ()
+    return column.kind, own, tuple(sorted(column.values.items()))
+
+
+def _either(first: Evidence, i: int | None, other: Evidence, j: int | None) -> Column:
+    if i is not None:
+        return first.columns[i]
+    assert j is not None
+    return other.columns[j]
+
+
+def _spread(grams: Float64[Array, "c p p"], places: Sequence[int | None]) -> Float64[Array, "c q q"]:
+    """Inner products of these columns, zero for those that are not there."""
+    there = np.array([place is not None for place in places])
+    some = np.array([place for place in places if place is not None], np.int64)
+    spread = np.zeros((len(grams), len(places), len(places)))
+    spread[:, np.outer(there, there)] = grams[:, some[:, None], some].reshape(len(grams), -1)
+    return spread
 
 
 def gather(
@@ -65,7 +128,8 @@ def gather(
         progress: Called with the share that is done.
     """
     last = len(study.observation.times) - 1
-    misfit = Misfit(study.plain, study.observer, Span(0, last), study.misfit.noise)
+    span = Span(0, last, study.misfit.span.state)
+    misfit = Misfit(study.plain, study.observer, span, study.misfit.noise)
     vector = study.base.vector
     plain = misfit(vector[None])[0]
     columns, ways = [], []
@@ -78,11 +142,13 @@ def gather(
     if study.plain.twin.observation.controllers.shape[1]:
         columns.append(Column("hand", {}))
         ways.append(_gained(study, misfit)(vector[None])[0] - plain)
+    angle = heading(study.plain.twin.body.points)
     for done, effect in enumerate(effects):
         if progress is not None:
             progress(done / len(effects))
         one = misfit.of(misfit.hypothesis.with_effect(effect).holding(study.base.values))
-        tried = probes(effect)
+        # along the body, so that they are the same however it is turned
+        tried = [effect.turned(each, angle) for each in probes(effect)]
         named = [{f"{effect.name}.{name}": value for name, value in each.items()} for each in tried]
         moved = one(np.stack([one.coordinates.vector(values) for values in named])) - plain
         columns += [Column(effect.name, values) for values in tried]

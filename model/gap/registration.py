@@ -89,6 +89,21 @@ def onto_twin(observation: Observation, points: Float64[Array, "P 3"], spacing: 
     return moved
 
 
+def moved_alike(other: Observation, before: Observation, after: Observation) -> Observation:
+    """Another recording of an object, moved as one of them was: what has a direction is the same in both.
+
+    Args:
+        other: The other recording, in the axes of `before`.
+        before: A recording as it came.
+        after: The same, as `onto_twin` returns it.
+    """
+    here, there = (one.points.reshape(-1, 3).astype(np.float64) for one in (before, after))
+    seen = np.isfinite(here[:, 0]) & np.isfinite(there[:, 0])
+    if before is after or np.array_equal(here[seen], there[seen]):
+        return other
+    return _moved(other, _kabsch(here[seen], there[seen]))
+
+
 def _found(
     seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"], tree: cKDTree, spacing: float
 ) -> Motion | None:

@@ -35,6 +35,7 @@ CONTEXT_NAMES = (
     "sheet",
     "ground",
     "held",
+    "two interactions",
 )
 
 
@@ -111,6 +112,7 @@ def signs_of(
         float(shape == "sheet"),
         float(ground),
         float(bool(hand)),
+        float(len(evidence.grams) > 2 * BLOCKS),
     ]
     table = np.array(each, np.float64).reshape(len(names), len(SIGN_NAMES))
     return Signs(
@@ -125,12 +127,13 @@ def signs_of(
 class _Tests:
     """Least squares on inner products."""
 
-    def __init__(self, evidence: Evidence) -> None:
+    def __init__(self, found: Evidence) -> None:
+        evidence = found.weighed
         size = np.sqrt(np.maximum(np.diagonal(evidence.grams.sum(0)), 1e-300))
         self.grams = evidence.grams / size / size[:, None]
         self.whole = self.grams.sum(0)
-        time = np.arange(len(self.grams)) * BLOCKS // len(self.grams)
-        self.blocks = np.stack([self.grams[time == b].sum(0) for b in range(BLOCKS)])
+        # near the grip and far from it are two cells of one time
+        self.blocks = self.grams[0::2] + self.grams[1::2]
         self.near = self.grams[0::2].sum(0)
         self.size = size
         self._known: dict[tuple[int, ...], float] = {}

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from model.errors import InputError
 from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.rest import rest_places
+from model.gap.confirm import Fitted
 from model.gap.estimate import Misfit, Span, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
@@ -63,14 +64,52 @@ class Transferred:
             hypothesis: Of the first recording.
             values: Its fitted values; what only this recording has, as a ground, is as usual.
         """
-        plain = replace(hypothesis, twin=self.twin, effects=(), where=None)
-        usual = plain.at({name: quantity.start for name, quantity in plain.quantities.items()})
-        # what acts at a ground or a grip has nothing to act on where there is none
-        able = tuple(effect for effect in hypothesis.effects if effect.unable(usual) is None)
-        here = replace(hypothesis, twin=self.twin, effects=able)
+        here = self._here(hypothesis)
         known = {name: values.get(name, quantity.start) for name, quantity in here.quantities.items()}
         known |= self.own
         return forecast(self.observer, here.at(known), self.first, self.state)
+
+    def left(self, one: Fitted) -> float:
+        """Mean square of what a twin leaves unexplained here, over the noise.
+
+        Its effects are as strong as in the first recording, its own parameters follow: a twin without an
+        effect makes up for it by wrong ones, which would be held against it here, and one with it has others.
+        """
+        here = self._here(one.hypothesis)
+        values = {**one.estimate.values, **self.own}
+        own = {name: values.get(name, q.start) for name, q in here.quantities.items() if "." not in name}
+        fixed = {name: values[name] for name in here.quantities if "." in name}
+        misfit = self._misfit(here.holding(fixed))
+        start = misfit.coordinates.vector(own)
+        return estimate(misfit, start[None], STEPS, len(self.twin.observation.times)).cost
+
+    def _here(self, hypothesis: Hypothesis) -> Hypothesis:
+        """What acts at a ground or a grip has nothing to act on where there is none."""
+        plain = replace(hypothesis, twin=self.twin, effects=(), where=None)
+        usual = plain.at({name: quantity.start for name, quantity in plain.quantities.items()})
+        able = tuple(effect for effect in hypothesis.effects if effect.unable(usual) is None)
+        return replace(hypothesis, twin=self.twin, effects=able)
+
+    def _misfit(self, hypothesis: Hypothesis) -> Misfit:
+        """Over all frames."""
+        seen = self.twin.observation
+        span = Span(0, len(seen.times) - 1, self.state)
+        return Misfit(hypothesis, self.observer, span, max(noise_of(seen), LEAST_NOISE))
+
+    def study(self, first: Study) -> Study:
+        """The plain twin fitted to this recording, for what it shows of effects: all frames are seen by it.
+
+        Args:
+            first: Of the first recording, whose parameters are the start.
+        """
+        seen = self.twin.observation
+        plain = replace(first.plain, twin=self.twin)
+        known = {name: first.base.values.get(name, q.start) for name, q in plain.quantities.items()} | {
+            **self.own
+        }
+        frames, misfit = len(seen.times), self._misfit(plain)
+        base = estimate(misfit, misfit.coordinates.vector(known)[None], STEPS, frames)
+        return Study(seen, plain, self.observer, misfit, known, base, noise_of(seen), frames)
 
 
 def transferred(study: Study, observation: Observation) -> Transferred:

@@ -18,11 +18,16 @@ ALIKE = 0.9
 """Cosine of two effects' signatures, beside the twin's own parameters, above which nobody can tell."""
 FAILED = 0.3
 """What is left of an effect's probability that makes held-out frames less likely and farther off."""
-USUAL, STEP = 0.12, 1.0 / 30.0
+USUAL, STEP = 0.2, 0.05
 """Support at which the odds of an effect stay, and what changes them e-fold: chosen on development worlds
-(`benchmarks/reality`, MuJoCo), where most that are not at work stay below."""
-LIMITS = (-3.0, 5.0)
+(`benchmarks/reality`, MuJoCo), where nothing that is not at work in ropes and solids has more than 0.12."""
+BUCKLING = 1.3
+"""The same of slack springs in a sheet: it buckles in folds smaller than its points are apart, and a net that
+cannot is too stiff against being pressed together, healthy or not."""
+LIMITS = (-3.0, 8.0)
 """Of the change of the odds' logarithm."""
+MOST = (-1.0, 3.0)
+"""Of what one recording may add to the support."""
 BESIDE, SECOND = 0.1, 0.2
 """A second effect has to explain this share beside the first, and to be this likely against it."""
 
@@ -59,30 +64,35 @@ class Judged:
                 chances[UNKNOWN] += 0.5 * lost
         return Judged(chances)
 
-    def seconded(self, supported: Mapping[EffectName, float]) -> "Judged":
+    def seconded(self, supported: Mapping[EffectName, float], shape: str) -> "Judged":
         """After effects were tried on another interaction.
 
         What an effect explains by accident - of another mesh, of a fit that went astray - it does not
         explain there as well. Odds grow with the support beyond `USUAL`, and fall below it.
 
         Args:
-            supported: `support` of each effect that was fitted.
+            supported: `support` of each effect that was fitted, by both recordings.
+            shape: Of the object.
         """
         chances = dict(self.chances)
         for name, support in supported.items():
-            chances[name] *= float(np.exp(np.clip((support - USUAL) / STEP, *LIMITS)))
+            usual = BUCKLING if (name, shape) == ("tension_only", "sheet") else USUAL
+            chances[name] *= float(np.exp(np.clip((support - usual) / STEP, *LIMITS)))
         whole = sum(chances.values())
         return Judged({name: chance / whole for name, chance in chances.items()})
 
 
-def support(here: float | None, there: float | None) -> float:
-    """Of an effect by the shares of the gap that it closes on two interactions: their geometric mean.
+def support(*costs: tuple[float, float]) -> float:
+    """Of an effect by what it explains of several recordings: the sum of log(without / with).
 
-    Zero where one of them is none, or where there is no gap that could be closed.
+    As for a likelihood whose noise is what remains: halves of what was left count the same, however much
+    there was.
+
+    Args:
+        costs: Mean squares that the refitted twin leaves without it and with it, of each recording.
     """
-    if here is None or there is None:
-        return 0.0
-    return float(np.sqrt(max(here, 0.0) * max(there, 0.0)))
+    logs = [np.log(max(without, 1e-12) / max(with_it, 1e-12)) for without, with_it in costs]
+    return float(np.clip(logs, *MOST).sum())
 
 
 def judged(jury: Jury, signs: Signs) -> Judged:
@@ -120,7 +130,7 @@ def alike(evidence: Evidence, signs: Signs, name: str) -> tuple[EffectName, ...]
 
 def isolability(evidence: Evidence, signs: Signs) -> Float64[Array, "e e"]:
     """Cosines between the effects' signatures with the directions of the twin's own parameters taken out."""
-    whole = evidence.grams.sum(0)
+    whole = evidence.weighed.grams.sum(0)
     left = _projected(whole, evidence.of("twin"))
     some = left[np.ix_(signs.probe, signs.probe)]
     size = np.sqrt(np.maximum(np.diagonal(some), 1e-300))
@@ -130,7 +140,7 @@ def isolability(evidence: Evidence, signs: Signs) -> Float64[Array, "e e"]:
 
 def _explained(evidence: Evidence, beside: Sequence[int], tried: int) -> float:
     """Share of what is left that one column explains beside others."""
-    left = _projected(evidence.grams.sum(0), [*evidence.of("twin"), *beside])
+    left = _projected(evidence.weighed.grams.sum(0), [*evidence.of("twin"), *beside])
     return float(left[tried, -1] ** 2 / max(left[tried, tried] * left[-1, -1], 1e-300))
 
 

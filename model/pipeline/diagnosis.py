@@ -7,10 +7,11 @@ from pathlib import Path
 from model.bundle import TwinBundle
 from model.doubts import collect_doubts
 from model.gap.bodies.body import body_of
-from model.gap.diagnosable import check_diagnosable
+from model.gap.diagnosable import check_diagnosable, check_transfer
 from model.gap.diagnosis import Diagnosis
 from model.gap.given import given_twin
 from model.gap.plain import PlainTwin
+from model.gap.registration import moved_alike
 from model.gap.result import DiagnosisResult
 from model.observation import read_observation
 from model.stage_log import StageReport
@@ -37,8 +38,12 @@ def diagnose(
     with collect_doubts() as doubts:
         seen = _diagnosable(observation)
         other = None if transfer is None else _diagnosable(transfer)
+        if transfer is not None and other is not None:
+            check_transfer(seen, other, transfer.name)
         bundle = None if twin is None else TwinBundle.load(twin)
         given = None if bundle is None else given_twin(bundle, seen)
+        if given is not None and other is not None:
+            other = moved_alike(other, seen, given.observation)
         found = find(seen if given is None else given.observation, given, other, report)
     plain = given or PlainTwin.of(body_of(seen), seen)
     report("done", 1.0)

@@ -123,9 +123,17 @@ def test_a_verdict_without_an_effect_writes_no_twin(run, diagnosis, file, tmp_pa
 
 
 def test_a_second_interaction_is_passed_on(run, diagnosis, file, seen, tmp_path):
-    write_observation(tmp_path / "other.npz", replace(seen, times=2 * seen.times))
+    slower = replace(seen, times=2 * seen.times, points=seen.points + np.float32(1e-3))
+    write_observation(tmp_path / "other.npz", slower)
     assert run(file, "--transfer", tmp_path / "other.npz", "--out", tmp_path / "gap", "--quiet")[0] == 0
     np.testing.assert_array_equal(diagnosis.transfer.times, 2 * seen.times)
+
+
+def test_the_same_motion_again_is_no_second_interaction(run, file, tmp_path):
+    code, _, said = run(file, "--transfer", file, "--out", tmp_path / "gap", "--quiet")
+    assert code == 2
+    assert "the same motion again" in said
+    assert not (tmp_path / "gap").exists()
 
 
 def test_what_is_doubtful_about_the_input_is_in_the_report(run, diagnosis, file, seen, tmp_path):

@@ -7,7 +7,8 @@ import pytest
 
 from model.gap.effects import GravityTilt, QuadraticAirDrag
 from model.gap.estimate import Misfit, Span
-from model.gap.evidence import BLOCKS, Column, gather
+from model.gap.evidence import BLOCKS, RECORDINGS_OWN, Column, gather
+from model.gap.heading import heading
 from model.gap.probes import probes
 from model.gap.signs import SIGN_NAMES, signs_of
 
@@ -33,8 +34,10 @@ def test_columns_are_the_twins_the_sensors_the_hands_the_probes_and_the_innovati
     names = [next(iter(evidence.columns[i].values)) for i in evidence.of("twin")]
     assert names == list(rope.misfit.coordinates.names)
     assert len(evidence.of("sensor")) == 12
+    angle = heading(rope.plain.twin.body.points)
     for effect in TRIED:
-        assert [evidence.columns[i].values for i in evidence.of(effect.name)] == probes(effect)
+        along = [effect.turned(each, angle) for each in probes(effect)]
+        assert [evidence.columns[i].values for i in evidence.of(effect.name)] == along
     assert evidence.of("plain") == [len(evidence.columns) - 1]
     assert evidence.columns[-1] == Column("plain", {})
     assert told == [0.0, 0.5]
@@ -80,3 +83,53 @@ def test_where_nothing_is_missing_nothing_foretells(short, studied):
 def test_without_a_hand_there_is_no_column_of_one(short, studied):
     free = replace(short, controllers=short.controllers[:, :0])
     assert "hand" not in gather(studied(free), ()).kinds
+
+
+def test_each_cell_counts_by_how_much_was_seen_in_it(gathered):
+    evidence = gathered[0]
+    weighed = evidence.weighed
+    np.testing.assert_allclose(weighed.grams[:, -1, -1], weighed.counts, rtol=1e-9)
+    np.testing.assert_allclose(weighed.weighed.grams, weighed.grams, rtol=1e-9)
+    share = evidence.grams[3, 0, -1] / evidence.grams[3, -1, -1]
+    assert weighed.grams[3, 0, -1] == pytest.approx(share * weighed.counts[3])
+
+
+def test_of_two_recordings_effects_are_shared_and_the_twins_parameters_are_not(gathered):
+    evidence = gathered[0]
+    both = evidence.joined(evidence)
+    own = sum(len(evidence.of(kind)) for kind in RECORDINGS_OWN)
+    assert len(both.columns) == len(evidence.columns) + own
+    assert both.columns[-1].kind == "plain"
+    assert both.of("gravity_tilt") == evidence.of("gravity_tilt")
+    first, other = both.grams[: 2 * BLOCKS], both.grams[2 * BLOCKS :]
+    for kind in ("gravity_tilt", "plain"):
+        there, here = both.of(kind), evidence.of(kind)
+        for grams in (first, other):
+            np.testing.assert_array_equal(grams[:, there][:, :, [-1]], evidence.grams[:, here][:, :, [-1]])
+    twin = both.of("twin")
+    half = len(evidence.of("twin"))
+    assert not other[:, twin[:half]].any()
+    assert not first[:, twin[half:]].any()
+    np.testing.assert_array_equal(other[:, twin[half:], -1], evidence.grams[:, evidence.of("twin"), -1])
+
+
+def test_two_recordings_of_one_effect_tell_it_as_one_does(rope, gathered):
+    evidence = gathered[0]
+    alone = signs_of(evidence, "rope", rope.base.cost, ground=False)
+    both = signs_of(evidence.joined(evidence), "rope", rope.base.cost, ground=False)
+    gain = SIGN_NAMES.index("gain")
+    np.testing.assert_allclose(both.each[:, gain], alone.each[:, gain], atol=3e-3)
+    assert both.scale[0] == pytest.approx(alone.scale[0], rel=0.05)
+
+
+def test_what_only_the_other_recording_can_show_is_left_out(gathered):
+    evidence = gathered[0]
+    less = replace(
+        evidence,
+        columns=tuple(c for c in evidence.columns if c.kind != "gravity_tilt"),
+        grams=np.delete(
+            np.delete(evidence.grams, evidence.of("gravity_tilt"), 1), evidence.of("gravity_tilt"), 2
+        ),
+    )
+    assert "gravity_tilt" not in less.joined(evidence).kinds
+    assert "gravity_tilt" in evidence.joined(less).kinds

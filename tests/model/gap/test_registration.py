@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
-from model.gap.registration import onto_twin
+from model.gap.registration import moved_alike, onto_twin
 from model.types import Observation
 
 SPACING = 0.03
@@ -73,3 +73,16 @@ def test_another_shape_is_refused(boot):
     sheet = np.stack(np.meshgrid(np.linspace(0, 0.4, 15), np.linspace(0, 0.3, 12)), -1).reshape(-1, 2)
     with pytest.raises(InputError, match="fits the twin nowhere"):
         onto_twin(seen(np.column_stack([sheet, np.ones(len(sheet))])), boot, SPACING)
+
+
+def test_another_recording_is_moved_alike(boot):
+    """What blew along x in both blows along the same way in both after it."""
+    away = Rotation.from_euler("z", 40.0, degrees=True)
+    first = seen(away.apply(boot) + np.array([1.0, -2.0, 0.5]), ground_height=0.4)
+    other = seen(away.apply(boot + np.array([0.3, 0.0, 0.0])) + np.array([1.0, -2.0, 0.5]), ground_height=0.4)
+    with pytest.warns(UserWarning, match="moved onto the twin"):
+        moved = onto_twin(first, boot, SPACING)
+    found = moved_alike(other, first, moved)
+    np.testing.assert_allclose(found.points[0] - moved.points[0], boot * 0 + [0.3, 0.0, 0.0], atol=1e-5)
+    assert found.ground_height == pytest.approx(moved.ground_height, abs=1e-6)
+    assert moved_alike(other, first, first) is other

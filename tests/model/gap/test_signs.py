@@ -26,9 +26,9 @@ def ways():
 
 
 @pytest.fixture
-def plain(ways):
+def plain(ways, evened):
     rng = np.random.default_rng(5)
-    return rng.normal(size=SIZE) - 8.0 * ways[4][2] + 0.7e-3 * ways[0][2] + 0.4 * ways[1][2]
+    return evened(rng.normal(size=SIZE) - 8.0 * ways[4][2] + 0.7e-3 * ways[0][2] + 0.4 * ways[1][2])
 
 
 def value(signs, effect, name):

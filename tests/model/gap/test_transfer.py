@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from model.errors import InputError
+from model.gap.confirm import Fitted
+from model.gap.effects import GravityTilt
+from model.gap.forecast import forecast
 from model.gap.transfer import transferred
 
 
@@ -113,3 +116,20 @@ def test_a_point_that_the_first_recording_never_shows_is_where_the_other_has_it(
     found = transferred(unknowing, sheet.observation).twin.body
     place = (found.points[found.index[3]] * found.weight[3][:, None]).sum(0)
     assert np.linalg.norm(place - sheet.observation.points[0, 3]) < 5e-3
+
+
+def test_an_effect_that_is_at_work_in_both_recordings_leaves_less_in_the_other(sheet):
+    """The recording itself, as if it were another: what is not there does not help, parameters follow."""
+    found = transferred(sheet, sheet.observation)
+    plain = Fitted(
+        sheet.misfit, sheet.base, forecast(sheet.observer, sheet.plain.at(sheet.base.values), sheet.split)
+    )
+    left = found.left(plain)
+    assert left <= 1.2 * found.study(sheet).base.cost
+    tilt = replace(sheet.plain, effects=(GravityTilt(),))
+    misfit = sheet.misfit.of(tilt)
+    values = {**sheet.base.values, "gravity_tilt.about_x": 0.4, "gravity_tilt.about_y": 0.0}
+    vector = misfit.coordinates.vector(values)
+    slopes = np.zeros((len(sheet.base.residuals), len(vector)))
+    wrong = replace(sheet.base, values=values, vector=vector, jacobian=slopes)
+    assert found.left(Fitted(misfit, wrong, plain.foretold)) > 1.5 * left

@@ -9,7 +9,7 @@ from model.gap.classifier import CLASSES
 from model.gap.confirm import Confirmed, Fitted
 from model.gap.forecast import Forecast
 from model.gap.signs import signs_of
-from model.gap.verdict import FAILED, Judged, alike, isolability, second_of
+from model.gap.verdict import FAILED, MOST, USUAL, Judged, alike, isolability, second_of, support
 
 SIZE = 400
 
@@ -35,10 +35,11 @@ def ways():
 
 
 @pytest.fixture
-def two(made, ways):
+def two(made, ways, evened):
     """Wind and damage are at work together."""
-    plain = np.random.default_rng(8).normal(size=SIZE) - 2.0 * ways["wind"][2] - 1.0 * ways["damage"][2]
-    return made(list(ways.values()), plain)
+    wind = ways["wind"][2] - 30.0 * ways["twin"][2]
+    plain = np.random.default_rng(8).normal(size=SIZE) - 2.0 * wind - 1.0 * ways["damage"][2]
+    return made(list(ways.values()), evened(plain))
 
 
 @pytest.fixture
@@ -130,3 +131,28 @@ def test_there_is_no_second_that_is_unlikely_explains_nothing_or_cannot_act(two)
         signs, names=("wind",), each=signs.each[-1:], probe=signs.probe[-1:], scale=signs.scale[-1:]
     )
     assert second_of(said(wind=0.5, damage=0.4), alone, two) is None
+
+
+def test_support_is_what_both_recordings_lose_however_much_there_was():
+    halved = support((40.0, 20.0), (2.0, 1.0))
+    assert halved == pytest.approx(2.0 * np.log(2.0))
+    assert support((40.0, 20.0), (1.0, 2.0)) == pytest.approx(0.0)
+    # one recording in which a twin goes astray, or fits all too well, does not decide alone
+    assert support((1.0, 1e9), (4.0, 1.0)) == pytest.approx(MOST[0] + np.log(4.0))
+    assert support((1.0, 0.0)) == MOST[1]
+
+
+def test_what_the_other_interaction_confirms_is_believed_and_what_it_does_not_is_doubted():
+    before = said(wind=0.2, damage=0.2, none=0.4)
+    after = before.seconded({"wind": USUAL + 0.5, "damage": USUAL - 0.5}, "rope")
+    assert after.best == "wind"
+    assert after.chances["damage"] < before.chances["damage"]
+    assert sum(after.chances.values()) == pytest.approx(1.0)
+    same = before.seconded({"wind": USUAL}, "rope")
+    assert same.chances == pytest.approx(before.chances)
+
+
+def test_slack_springs_have_to_explain_more_in_what_buckles():
+    before, slack = said(tension_only=0.3, none=0.4), {"tension_only": 0.6}
+    assert before.seconded(slack, "solid").best == "tension_only"
+    assert before.seconded(slack, "sheet").best == "none"
