@@ -66,7 +66,7 @@ class Found:
         """Contract 5."""
         tried, chosen = self.tried, self.tried.chosen
         left = self.plain.estimate if chosen is None else chosen.estimate
-        effect = None if chosen is None else chosen.hypothesis.effects[0]
+        effects = () if chosen is None else chosen.hypothesis.effects
         count = self.study.observation.points.shape[1]
         return GapReport(
             schema=SCHEMA,
@@ -86,7 +86,7 @@ class Found:
                 phases=self.located.phases,
                 acts_on=(0.0,) * count if self.acting is None else tuple(self.acting.points.tolist()),
             ),
-            sources=sources(self.here.closure, self.study, left, effect),
+            sources=sources(self.here.closure, self.study, left, effects),
             warnings=self._warnings(),
         )
 

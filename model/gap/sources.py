@@ -1,6 +1,6 @@
 """What the gap of a twin as it came is made of: camera, hand, parameters, missing physics, and the rest."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ SCALE, DRIFT = 0.02, 0.01
 """Usual sizes of what a camera errs by: of the way of the whole object, [m] by the last frame."""
 
 
-def sources(closure: Closure, study: Study, left: Estimate, effect: Effect | None = None) -> Sources:
+def sources(closure: Closure, study: Study, left: Estimate, effects: Sequence[Effect] = ()) -> Sources:
     """Shares of the squared gap of the twin as it came, on held-out time.
 
     With E the errors of `closure`, each no larger than the one before:
@@ -46,8 +46,8 @@ def sources(closure: Closure, study: Study, left: Estimate, effect: Effect | Non
     Args:
         closure: Errors on held-out time.
         study: The plain twin, fitted.
-        left: What leaves the rest: the fit with the verdict's effect, or of the plain twin.
-        effect: The verdict's; None: it has none.
+        left: What leaves the rest: the fit with the verdict's effects, or of the plain twin.
+        effects: The verdict's, the first one first; empty: it has none.
     """
     refit = min(closure.refit, closure.baseline)
     with_effect = refit if closure.with_effect is None else min(closure.with_effect, refit)
@@ -57,8 +57,8 @@ def sources(closure: Closure, study: Study, left: Estimate, effect: Effect | Non
         return Sources(perception=1.0, actuation=0.0, parameters=0.0, physics=0.0, unexplained=0.0)
     named = (refit**2 - with_effect**2) / whole
     rest = (with_effect**2 - floor**2) / whole
-    seen, moved = _explained(study, left, effect) if rest > 0 else (0.0, 0.0)
-    by_hand = effect is not None and effect.acts == "hand"
+    seen, moved = _explained(study, left, effects) if rest > 0 else (0.0, 0.0)
+    by_hand = bool(effects) and effects[0].acts == "hand"
     found = {
         "perception": floor**2 / whole + seen * rest,
         "actuation": moved * rest + (named if by_hand else 0.0),
@@ -102,9 +102,9 @@ class Misled(Hypothesis):
         return replace(world, controls=moved)
 
 
-def _explained(study: Study, left: Estimate, effect: Effect | None) -> tuple[float, float]:
+def _explained(study: Study, left: Estimate, effects: Sequence[Effect]) -> tuple[float, float]:
     """Shares, of what is left above the noise, that errors of the camera and of the hand explain."""
-    hypothesis = study.plain if effect is None else study.plain.with_effect(effect)
+    hypothesis = replace(study.plain, effects=tuple(effects))
     at = Misfit(hypothesis, study.observer, study.misfit.span, study.misfit.noise)
     residuals = at(left.vector[None])[0]
     camera = _camera_ways(study, hypothesis, left, residuals)

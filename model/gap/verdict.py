@@ -18,12 +18,14 @@ ALIKE = 0.9
 """Cosine of two effects' signatures, beside the twin's own parameters, above which nobody can tell."""
 FAILED = 0.3
 """What is left of an effect's probability that makes held-out frames less likely and farther off."""
-USUAL, STEP = 0.2, 0.05
-"""Support at which the odds of an effect stay, and what changes them e-fold: chosen on development worlds
-(`benchmarks/reality`, MuJoCo), where nothing that is not at work in ropes and solids has more than 0.12."""
+USUAL = {"rope": 0.2, "sheet": 0.5, "solid": 0.2}
+"""Support at which the odds of an effect stay: chosen on development worlds (`benchmarks/reality`), where
+nothing that is not at work in healthy ropes and solids has more than 0.12; twins of sheets are worse."""
+STEP = 0.05
+"""Support that changes the odds e-fold."""
 BUCKLING = 1.3
-"""The same of slack springs in a sheet: it buckles in folds smaller than its points are apart, and a net that
-cannot is too stiff against being pressed together, healthy or not."""
+"""Where the odds of slack springs stay in what buckles, a rope or a sheet: it folds between the points of its
+twin, which cannot and is too stiff against being pressed together, healthy or not."""
 LIMITS = (-3.0, 8.0)
 """Of the change of the odds' logarithm."""
 MOST = (-1.0, 3.0)
@@ -76,7 +78,7 @@ class Judged:
         """
         chances = dict(self.chances)
         for name, support in supported.items():
-            usual = BUCKLING if (name, shape) == ("tension_only", "sheet") else USUAL
+            usual = BUCKLING if name == "tension_only" and shape != "solid" else USUAL[shape]
             chances[name] *= float(np.exp(np.clip((support - usual) / STEP, *LIMITS)))
         whole = sum(chances.values())
         return Judged({name: chance / whole for name, chance in chances.items()})

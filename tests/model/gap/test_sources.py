@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from model.gap.effects import ActuationDelay, StrainStiffening
-from model.gap.estimate import Misfit
+from model.gap.estimate import Estimate, Misfit
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.schema import SOURCE_NAMES, Closure
@@ -39,9 +39,24 @@ def test_they_are_squares_that_sum_to_one(hung, studied):
 def test_an_effect_of_the_hand_is_actuation(hung, studied, fitted):
     study = studied(hung)
     left = fitted(study, ActuationDelay(), {"actuation_delay.delay": 0.0})
-    found = sources(GAP, study, left, ActuationDelay())
+    found = sources(GAP, study, left, (ActuationDelay(),))
     assert found.physics == 0.0
     assert found.actuation >= (100 - 36) / 400
+
+
+def test_two_effects_are_what_was_fitted_and_the_first_says_whose_they_are(hung, studied):
+    study = studied(hung)
+    both = (StrainStiffening(), ActuationDelay())
+    misfit = study.misfit.of(replace(study.plain, effects=both))
+    usual = {name: quantity.start for name, quantity in misfit.coordinates.quantities.items()}
+    silent = {"strain_stiffening.stiffening": 0.0, "actuation_delay.delay": 0.0}
+    vector = misfit.coordinates.vector({**usual, **study.base.values, **silent})
+    left = Estimate(
+        misfit.coordinates.values(vector), vector, misfit(vector[None])[0], misfit.jacobian(vector), 0, True
+    )
+    found = sources(GAP, study, left, both)
+    assert found.physics == pytest.approx((100 - 36) / 400)
+    assert sources(GAP, study, left, both[::-1]).physics == 0.0
 
 
 def test_a_late_hand_is_actuation(hung, studied):

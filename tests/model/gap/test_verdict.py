@@ -144,11 +144,11 @@ def test_support_is_what_both_recordings_lose_however_much_there_was():
 
 def test_what_the_other_interaction_confirms_is_believed_and_what_it_does_not_is_doubted():
     before = said(wind=0.2, damage=0.2, none=0.4)
-    after = before.seconded({"wind": USUAL + 0.5, "damage": USUAL - 0.5}, "rope")
+    after = before.seconded({"wind": USUAL["rope"] + 0.5, "damage": USUAL["rope"] - 0.5}, "rope")
     assert after.best == "wind"
     assert after.chances["damage"] < before.chances["damage"]
     assert sum(after.chances.values()) == pytest.approx(1.0)
-    same = before.seconded({"wind": USUAL}, "rope")
+    same = before.seconded({"wind": USUAL["rope"]}, "rope")
     assert same.chances == pytest.approx(before.chances)
 
 
@@ -156,3 +156,4 @@ def test_slack_springs_have_to_explain_more_in_what_buckles():
     before, slack = said(tension_only=0.3, none=0.4), {"tension_only": 0.6}
     assert before.seconded(slack, "solid").best == "tension_only"
     assert before.seconded(slack, "sheet").best == "none"
+    assert before.seconded(slack, "rope").best == "none"
