@@ -8,8 +8,8 @@ from model.gap.effects.base import Effect
 from model.gap.effects.self_collision import SelfContact
 from model.gap.study import Study
 
-APART, NEAR = 3.5, 1.0
-"""Spacings: at rest, and when they may touch."""
+APART, NEAR = 3.6, 1.0
+"""Grasps: at rest, and when they may touch."""
 EVERY = 4
 """Frames."""
 PAIRS = 2
@@ -26,12 +26,12 @@ def able_effects(study: Study) -> list[Effect]:
 
 def may_meet(study: Study) -> bool:
     """From what was seen alone: an object that never touches itself shows nothing of self-collision."""
-    spacing = study.plain.twin.body.spacing
+    grasp = study.plain.twin.body.grasp
     rest = first_places(study.observation)
-    apart = np.linalg.norm(rest[:, None] - rest[None], axis=-1) > APART * spacing
+    apart = np.linalg.norm(rest[:, None] - rest[None], axis=-1) > APART * grasp
     points = study.observation.points.astype(np.float64)
     for frame in points[::EVERY]:
-        near = np.linalg.norm(frame[:, None] - frame[None], axis=-1) < NEAR * spacing
+        near = np.linalg.norm(frame[:, None] - frame[None], axis=-1) < NEAR * grasp
         if int((near & apart).sum()) >= 2 * PAIRS:
             return True
     return False
