@@ -23,8 +23,9 @@ import numpy as np
 from model.crew import crew
 from model.errors import InputError
 from model.formats.files import replacing
-from model.gap.benchmark.predict import TRANSFER, digest
+from model.gap.benchmark.predict import digest, transfer_of, worlds_of
 from model.gap.diagnose import diagnose
+from model.gap.registration import Motion, moved
 from model.gap.schema import GapReport
 from model.observation import read_observation
 from model.types import Array, Observation
@@ -34,30 +35,6 @@ TURN = np.deg2rad(37.0)
 SHIFT, LIFT = (1.3, -0.7, 0.0), 0.45
 """[m]."""
 UNCHANGED, REFUSED = "unchanged", "refused"
-
-
-def turned(seen: Observation) -> Observation:
-    """About the vertical through the origin, with all that is a vector."""
-    cosine, sine = np.cos(TURN), np.sin(TURN)
-    rotation = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    x, y, z = (float(value) for value in rotation @ np.asarray(seen.gravity))
-    return replace(
-        seen,
-        points=_single(seen.points @ rotation.T),
-        controllers=_single(seen.controllers @ rotation.T),
-        gravity=(x, y, z),
-    )
-
-
-def shifted(seen: Observation) -> Observation:
-    """Level."""
-    return _moved(seen, SHIFT)
-
-
-def lifted(seen: Observation) -> Observation:
-    """Level and up, the ground with it."""
-    ground = None if seen.ground_height is None else seen.ground_height + LIFT
-    return replace(_moved(seen, (*SHIFT[:2], LIFT)), ground_height=ground)
 
 
 def permuted(seen: Observation) -> Observation:
@@ -72,9 +49,9 @@ def halved(seen: Observation) -> Observation:
 
 VARIANTS: Mapping[str, Callable[[Observation], Observation]] = {
     UNCHANGED: lambda seen: seen,
-    "turned": turned,
-    "shifted": shifted,
-    "lifted": lifted,
+    "turned": lambda seen: moved(seen, Motion(_about_the_vertical(TURN), np.zeros(3))),
+    "shifted": lambda seen: moved(seen, Motion(np.eye(3), np.array(SHIFT))),
+    "lifted": lambda seen: moved(seen, Motion(np.eye(3), np.array([*SHIFT[:2], LIFT]))),
     "permuted": permuted,
     "halved": halved,
 }
@@ -114,12 +91,12 @@ def jobs_of(worlds: Path, count: int, transfer: bool, out: Path) -> list[Job]:
     Raises:
         InputError: there are no worlds, or one of them has no other recording.
     """
-    found = sorted(path for path in worlds.glob("*.npz") if not path.name.endswith(TRANSFER))[:count]
-    if not found:
-        raise InputError(f"{worlds}: expected worlds NAME.npz, found none")
+    found = worlds_of(worlds)[:count]
     for world in found if transfer else []:
-        if not _other(world).is_file():
-            raise InputError(f"{_other(world)}: expected the other recording of {world.name}, found none")
+        if not transfer_of(world).is_file():
+            raise InputError(
+                f"{transfer_of(world)}: expected the other recording of {world.name}, found none"
+            )
     folder = out / ("with transfer" if transfer else "alone")
     return [
         Job(world, variant, transfer, folder / f"{world.stem}.{variant}.json")
@@ -130,7 +107,7 @@ def jobs_of(worlds: Path, count: int, transfer: bool, out: Path) -> list[Job]:
 
 def said(job: Job) -> Said:
     """Of one variant, by a diagnosis or by what was kept of one."""
-    files = [job.world, *([_other(job.world)] if job.transfer else [])]
+    files = [job.world, *([transfer_of(job.world)] if job.transfer else [])]
     same = digest(*files)
     if job.kept.is_file():
         kept = json.loads(job.kept.read_bytes())
@@ -218,8 +195,9 @@ def _each(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Said]]:
         yield from ((begun[one], one.result()) for one in as_completed(begun))
 
 
-def _other(world: Path) -> Path:
-    return world.with_name(world.stem + TRANSFER)
+def _about_the_vertical(angle: float) -> Array:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _cell(one: Said, first: Said) -> str:
@@ -227,19 +205,10 @@ def _cell(one: Said, first: Said) -> str:
     return f"{mark}{one.verdict}{mark} {one.probability:.2f}"
 
 
-def _moved(seen: Observation, by: tuple[float, float, float]) -> Observation:
-    shift = np.asarray(by)
-    return replace(seen, points=_single(seen.points + shift), controllers=_single(seen.controllers + shift))
-
-
 def _chosen(seen: Observation, points: Array) -> Observation:
     colors = None if seen.colors is None else seen.colors[points]
     parts = None if seen.parts is None else seen.parts[points]
     return replace(seen, points=seen.points[:, points], colors=colors, parts=parts)
-
-
-def _single(values: Array) -> Array:
-    return values.astype(np.float32)
 
 
 if __name__ == "__main__":

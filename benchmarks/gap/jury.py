@@ -24,7 +24,7 @@ from jaxtyping import Int64
 from safetensors.torch import save_file
 
 from model.gap.benchmark.labels import PLAIN, open_labels
-from model.gap.benchmark.predict import TRANSFER
+from model.gap.benchmark.predict import transfer_of
 from model.gap.classifier import UNKNOWN
 from model.gap.evidence import gather
 from model.gap.learn import (
@@ -95,7 +95,7 @@ def of_folder(world: str, folder: Path, effects: tuple[str, ...], out: Path) -> 
     path = out / f"{world}.npz"
     if not path.is_file():
         warnings.simplefilter("ignore")
-        other = folder / f"{world}{TRANSFER}"
+        other = transfer_of(folder / path.name)
         transfer = read_observation(other) if other.is_file() else None
         write_examples(
             path, examples_of(read_observation(folder / path.name), transfer, effects, folder.name)

@@ -9,7 +9,6 @@ from jaxtyping import Float64
 from model.gap.blocks import block_length, drawn_frames, middle95
 from model.gap.confirm import Fitted
 from model.gap.forecast import Forecast, forecast
-from model.gap.noise import noise_of
 from model.gap.schema import Closure
 from model.gap.study import Study
 from model.gap.transfer import Transferred
@@ -87,8 +86,7 @@ def transfer(
     foretold = Foretold(
         other.forecast(study.plain, study.start), refitted, there(with_effect), there(flexible)
     )
-    seen = other.twin.observation
-    return _closed(seen.times, noise_of(seen), foretold)
+    return _closed(other.twin.observation.times, other.noise, foretold)
 
 
 def _closed(times: Float64[Array, " T"], noise: float, foretold: Foretold) -> Closed:

@@ -26,7 +26,7 @@ HAND_GAIN = 1.03
 """Hands that move by a little more than is said."""
 CALM = 1e-3
 """No cell counts for more than this share of the usual one makes it."""
-RECORDINGS_OWN = ("twin", "sensor", "hand")
+UNSHARED = ("twin", "sensor", "hand")
 """Kinds of columns that no two recordings share."""
 
 
@@ -72,7 +72,7 @@ class Evidence:
             places[_key(column, "first", i)] = i, None
         for j, column in enumerate(other.columns):
             key = _key(column, "other", j)
-            if key in places or column.kind in RECORDINGS_OWN:
+            if key in places or column.kind in UNSHARED:
                 places[key] = places.get(key, (None, None))[0], j
         # the innovations stay the last
         places["plain"] = places.pop("plain")
@@ -97,7 +97,7 @@ def _key(column: Column, recording: str, index: int) -> Hashable:
     """The same for columns that two recordings share."""
     if column.kind == "plain":
         return "plain"
-    own = (recording, index) if column.kind in RECORDINGS_OWN else ()
+    own = (recording, index) if column.kind in UNSHARED else ()
     return column.kind, own, tuple(sorted(column.values.items()))
 
 

@@ -78,7 +78,7 @@ def onto_twin(observation: Observation, points: Float64[Array, "P 3"], spacing: 
             f"points: the first frame fits the twin nowhere (as it is, its points are {away:.3g} m from the "
             "twin's): it has to show the object of the twin, in the shape that the twin has at rest"
         )
-    moved = _moved(observation, motion)
+    laid = moved(observation, motion)
     turn = math.degrees(float(Rotation.from_matrix(motion.rotation).magnitude()))
     shift = float(np.linalg.norm(motion(seen).mean(0) - seen.mean(0)))
     warnings.warn(
@@ -86,7 +86,7 @@ def onto_twin(observation: Observation, points: Float64[Array, "P 3"], spacing: 
         "in the report are the twin's",
         stacklevel=2,
     )
-    return moved
+    return laid
 
 
 def moved_alike(other: Observation, before: Observation, after: Observation) -> Observation:
@@ -101,7 +101,7 @@ def moved_alike(other: Observation, before: Observation, after: Observation) -> 
     seen = np.isfinite(here[:, 0]) & np.isfinite(there[:, 0])
     if before is after or np.array_equal(here[seen], there[seen]):
         return other
-    return _moved(other, _kabsch(here[seen], there[seen]))
+    return moved(other, _kabsch(here[seen], there[seen]))
 
 
 def _found(
@@ -157,7 +157,12 @@ def _kabsch(here: Float64[Array, "N 3"], there: Float64[Array, "N 3"]) -> Motion
     return Motion(rotation, target - rotation @ middle)
 
 
-def _moved(observation: Observation, motion: Motion) -> Observation:
+def moved(observation: Observation, motion: Motion) -> Observation:
+    """As a whole, with its controllers, gravity and ground.
+
+    Raises:
+        InputError: there is a ground, and it would not be level any more.
+    """
     ground = observation.ground_height
     if ground is not None:
         if motion.tilt > UPRIGHT:

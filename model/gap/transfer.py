@@ -13,7 +13,7 @@ from model.errors import InputError
 from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.rest import rest_places
 from model.gap.confirm import Fitted
-from model.gap.estimate import Misfit, Span, estimate
+from model.gap.estimate import Estimate, Misfit, Span, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
@@ -56,6 +56,8 @@ class Transferred:
     """The first frame that is foretold."""
     own: Mapping[str, float]
     """Values of what is the recording's own."""
+    noise: float
+    """Standard deviation of the measured places there [m]."""
 
     def forecast(self, hypothesis: Hypothesis, values: dict[str, float]) -> Forecast:
         """What a twin foretells there that was fitted to the first recording.
@@ -76,12 +78,9 @@ class Transferred:
         effect makes up for it by wrong ones, which would be held against it here, and one with it has others.
         """
         here = self._here(one.hypothesis)
-        values = {**one.estimate.values, **self.own}
-        own = {name: values.get(name, q.start) for name, q in here.quantities.items() if "." not in name}
+        values = one.estimate.values
         fixed = {name: values[name] for name in here.quantities if "." in name}
-        misfit = self._misfit(here.holding(fixed))
-        start = misfit.coordinates.vector(own)
-        return estimate(misfit, start[None], STEPS, len(self.twin.observation.times)).cost
+        return self._followed(here.holding(fixed), values)[2].cost
 
     def _here(self, hypothesis: Hypothesis) -> Hypothesis:
         """What acts at a ground or a grip has nothing to act on where there is none."""
@@ -90,11 +89,16 @@ class Transferred:
         able = tuple(effect for effect in hypothesis.effects if effect.unable(usual) is None)
         return replace(hypothesis, twin=self.twin, effects=able)
 
-    def _misfit(self, hypothesis: Hypothesis) -> Misfit:
-        """Over all frames."""
-        seen = self.twin.observation
-        span = Span(0, len(seen.times) - 1, self.state)
-        return Misfit(hypothesis, self.observer, span, max(noise_of(seen), LEAST_NOISE))
+    def _followed(
+        self, hypothesis: Hypothesis, values: Mapping[str, float]
+    ) -> tuple[Misfit, dict[str, float], Estimate]:
+        """What is free of a hypothesis, fitted to all frames from these values and the recording's own."""
+        frames = len(self.twin.observation.times)
+        span = Span(0, frames - 1, self.state)
+        misfit = Misfit(hypothesis, self.observer, span, max(self.noise, LEAST_NOISE))
+        known = {**values, **self.own}
+        start = {name: known.get(name, q.start) for name, q in hypothesis.quantities.items()}
+        return misfit, start, estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, frames)
 
     def study(self, first: Study) -> Study:
         """The plain twin fitted to this recording, for what it shows of effects: all frames are seen by it.
@@ -104,12 +108,8 @@ class Transferred:
         """
         seen = self.twin.observation
         plain = replace(first.plain, twin=self.twin)
-        known = {name: first.base.values.get(name, q.start) for name, q in plain.quantities.items()} | {
-            **self.own
-        }
-        frames, misfit = len(seen.times), self._misfit(plain)
-        base = estimate(misfit, misfit.coordinates.vector(known)[None], STEPS, frames)
-        return Study(seen, plain, self.observer, misfit, known, base, noise_of(seen), frames)
+        misfit, start, base = self._followed(plain, first.base.values)
+        return Study(seen, plain, self.observer, misfit, start, base, self.noise, len(seen.times))
 
 
 def transferred(study: Study, observation: Observation) -> Transferred:
@@ -136,11 +136,13 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     first = max(int(np.searchsorted(times, SETTLING * PATIENCE)), round(LOOKED_AT * len(times)))
     first = max(1, min(first, len(times) // 2))
     state, observer = State(places, torch.zeros_like(places)), Observer(observation, made, PATIENCE)
-    return Transferred(twin, state, observer, first, _own(study, world, state, observer, first))
+    noise = noise_of(observation)
+    own = _own(study, world, state, observer, first, noise)
+    return Transferred(twin, state, observer, first, own, noise)
 
 
 def _own(
-    study: Study, plain: Hypothesis, state: State, observer: Observer, first: int
+    study: Study, plain: Hypothesis, state: State, observer: Observer, first: int, noise: float
 ) -> Mapping[str, float]:
     """How a hand holds the object there, and how much that is at rest, by the frames before `first`."""
     names = [name for name in RECORDINGS_OWN if name in plain.quantities]
@@ -149,8 +151,8 @@ def _own(
     if plain.twin.matter.grip_distance is None or not names or first < LEAST_FRAMES:
         return {}
     known = {name: study.base.values[name] for name in plain.quantities if name not in names}
-    noise = max(noise_of(plain.twin.observation), LEAST_NOISE)
-    misfit = Misfit(plain.holding(known), observer, Span(0, first - 1, state), noise)
+    span = Span(0, first - 1, state)
+    misfit = Misfit(plain.holding(known), observer, span, max(noise, LEAST_NOISE))
     usual = {name: study.base.values.get(name, plain.quantities[name].start) for name in names}
     found = estimate(misfit, misfit.coordinates.vector(usual)[None], STEPS, first)
     return found.values

@@ -37,9 +37,7 @@ def diagnose(
     report("observation", 0.0)
     with collect_doubts() as doubts:
         seen = _diagnosable(observation)
-        other = None if transfer is None else _diagnosable(transfer)
-        if transfer is not None and other is not None:
-            check_transfer(seen, other, transfer.name)
+        other = None if transfer is None else _confirming(transfer, seen)
         bundle = None if twin is None else TwinBundle.load(twin)
         given = None if bundle is None else given_twin(bundle, seen)
         if given is not None and other is not None:
@@ -54,6 +52,12 @@ def _diagnosable(path: Path) -> Observation:
     observation = read_observation(path)
     check_diagnosable(observation, path.name)
     return observation
+
+
+def _confirming(path: Path, seen: Observation) -> Observation:
+    transfer = _diagnosable(path)
+    check_transfer(seen, transfer, path.name)
+    return transfer
 
 
 def _doubted(found: Diagnosis, doubts: Sequence[str]) -> Diagnosis:

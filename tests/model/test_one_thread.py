@@ -6,14 +6,6 @@ import torch
 from model.one_thread import one_thread
 
 
-@pytest.fixture
-def two_threads():
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
-
-
 def test_there_is_one_thread_inside_and_as_many_as_before_after(two_threads):
     with one_thread():
         assert torch.get_num_threads() == 1

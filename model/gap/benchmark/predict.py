@@ -75,10 +75,7 @@ def predict(
     Raises:
         InputError: there are no worlds.
     """
-    places = sorted(path for path in worlds.glob("*.npz") if not path.name.endswith(TRANSFER))
-    if not places:
-        raise InputError(f"{worlds}: expected worlds NAME.npz, found none")
-    jobs = [_Job(path, out / DIAGNOSES / f"{path.stem}.json", diagnose) for path in places]
+    jobs = [_Job(path, out / DIAGNOSES / f"{path.stem}.json", diagnose) for path in worlds_of(worlds)]
     predictions = {}
     for done, (job, prediction) in enumerate(zip(jobs, _each(jobs, workers), strict=True), 1):
         predictions[job.world.stem] = prediction
@@ -86,6 +83,23 @@ def predict(
             progress(f"{done} of {len(jobs)} worlds", done / len(jobs))
     _write(out / PREDICTIONS, predictions)
     return predictions
+
+
+def worlds_of(folder: Path) -> list[Path]:
+    """Observations NAME.npz, by name, without those of other interactions.
+
+    Raises:
+        InputError: there are none.
+    """
+    found = sorted(path for path in folder.glob("*.npz") if not path.name.endswith(TRANSFER))
+    if not found:
+        raise InputError(f"{folder}: expected worlds NAME.npz, found none")
+    return found
+
+
+def transfer_of(world: Path) -> Path:
+    """Where the other interaction of a world is, if there is one."""
+    return world.with_name(world.stem + TRANSFER)
 
 
 def read_predictions(path: Path) -> dict[str, Prediction]:
@@ -110,7 +124,7 @@ def _each(jobs: Sequence[_Job], workers: int) -> Iterator[Prediction]:
 
 
 def _predict(job: _Job) -> Prediction:
-    other = job.world.with_name(job.world.stem + TRANSFER)
+    other = transfer_of(job.world)
     same = digest(job.world, *([other] if other.exists() else []))
     known = _kept(job.kept, same)
     if known is not None:

@@ -4,14 +4,6 @@ import torch
 from model.commands.common import default_to_one_thread
 
 
-@pytest.fixture
-def two_threads():
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    yield
-    torch.set_num_threads(before)
-
-
 @pytest.mark.usefixtures("two_threads")
 @pytest.mark.parametrize(("said", "threads"), [(None, 1), ("2", 2)])
 def test_torch_has_one_thread_unless_the_user_says_otherwise(monkeypatch, said, threads):

@@ -59,9 +59,8 @@ def test_finds_what_was_planted(shaken):
     assert 4e-4 < noise_of(seen) < 1.2e-3
     misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
     vector = misfit.coordinates.vector(start)
-    found = estimate(misfit, vector[None], steps=8)
-    # one that hangs shows its stiffness by sagging alone, in which the hand has a share
-    assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.05)
+    found = estimate(misfit, vector[None], steps=12)
+    assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.03)
     assert found.values["drag_rate"] == pytest.approx(truth["drag_rate"], rel=0.05)
     assert found.cost < 1.4 < 0.1 * float((misfit(vector[None]) ** 2).mean())
 

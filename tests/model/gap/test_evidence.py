@@ -7,7 +7,7 @@ import pytest
 
 from model.gap.effects import GravityTilt, QuadraticAirDrag
 from model.gap.estimate import Misfit, Span
-from model.gap.evidence import BLOCKS, RECORDINGS_OWN, Column, gather
+from model.gap.evidence import BLOCKS, UNSHARED, Column, gather
 from model.gap.heading import heading
 from model.gap.probes import probes
 from model.gap.signs import SIGN_NAMES, signs_of
@@ -97,7 +97,7 @@ def test_each_cell_counts_by_how_much_was_seen_in_it(gathered):
 def test_of_two_recordings_effects_are_shared_and_the_twins_parameters_are_not(gathered):
     evidence = gathered[0]
     both = evidence.joined(evidence)
-    own = sum(len(evidence.of(kind)) for kind in RECORDINGS_OWN)
+    own = sum(len(evidence.of(kind)) for kind in UNSHARED)
     assert len(both.columns) == len(evidence.columns) + own
     assert both.columns[-1].kind == "plain"
     assert both.of("gravity_tilt") == evidence.of("gravity_tilt")
