@@ -24,6 +24,7 @@ from model.gap.transfer import Transferred, transferred
 from model.gap.verdict import Judged, judged, second_of, support
 from model.one_thread import one_thread
 from model.schema import EffectName
+from model.simulator.kernel.threads import kernel_threads, usable_cores
 from model.simulator.pace import StabilityWarning
 from model.types import Observation
 
@@ -54,7 +55,8 @@ def diagnose(
     Raises:
         InputError: nothing can be built of the observation, or `transfer` is of something else.
     """
-    with one_thread(), warnings.catch_warnings():  # two are slower than one for tensors this small
+    # two threads of torch are slower than one for tensors this small; the many worlds of a fit share out well
+    with kernel_threads(usable_cores()), one_thread(), warnings.catch_warnings():
         # substeps are the observer's choice, the same for all worlds of a fit; users can do nothing about it
         warnings.simplefilter("ignore", StabilityWarning)
         return _diagnosed(observation, twin, transfer, progress or (lambda stage, share: None))

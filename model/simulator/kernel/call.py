@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from model.simulator.kernel.layout import LANES, Incidence, Layout, Pieces
+from model.simulator.kernel.threads import granted
 
 _P, _L, _D = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
@@ -143,7 +143,7 @@ class Call:
 
     def __call__(self) -> None:
         """Make it."""
-        threads = min(torch.get_num_threads(), self._most)
+        threads = min(granted(), self._most)
         self._run(self._frames, ctypes.c_int(self._batch), ctypes.c_int(threads))
 
     def _point(self, buffers: Buffers) -> None:

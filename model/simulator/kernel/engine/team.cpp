@@ -37,13 +37,14 @@ struct Team {
 template <class Work>
 static void share_out(const Frame *frames, int batch, int threads, Work work) {
   Team together(batch > 1 ? 1 : threads, 5 * frames[0].steps + 1);
+  std::atomic<int> taken(0);
 #pragma omp parallel num_threads(threads)
   {
     const int thread = omp_get_thread_num();
     if (batch == 1)
       work(frames[0], together, thread);
     else
-      for (int b = thread; b < batch; b += omp_get_num_threads()) {
+      for (int b; (b = taken.fetch_add(1)) < batch;) {
         Team alone(1, 0);
         work(frames[b], alone, 0);
       }

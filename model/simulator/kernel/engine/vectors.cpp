@@ -13,7 +13,6 @@
 #include <omp.h>
 #else
 static int omp_get_thread_num() { return 0; }
-static int omp_get_num_threads() { return 1; }
 #endif
 
 #define LAW inline __attribute__((always_inline))
