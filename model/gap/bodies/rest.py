@@ -27,7 +27,8 @@ def rest_places(observation: Observation) -> Float64[Array, "N 3"]:
 
     One frame has the noise of one frame, and a hand hides what it holds. But a point goes along with its
     neighbours, and with the hand that holds it: each frame in which they are seen tells where it was among
-    them. What a frame says counts the more, the less the neighbourhood has changed its shape by then.
+    them. What a frame says counts the more, the less the neighbourhood has changed its shape by then. Nothing
+    is below the ground, wherever neighbours that were lifted and turned say that it was.
 
     Args:
         observation: What was seen.
@@ -58,6 +59,8 @@ def rest_places(observation: Observation) -> Float64[Array, "N 3"]:
         away = places[at_first] - points[0, at_first]
         length = np.linalg.norm(away, axis=1, keepdims=True)
         places[at_first] -= away * (1.0 - np.minimum(1.0, FARTHEST * noise / np.maximum(length, 1e-12)))
+        if observation.ground_height is not None:
+            places[~at_first, 2] = np.maximum(places[~at_first, 2], observation.ground_height)
     return places
 
 
