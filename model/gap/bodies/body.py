@@ -10,6 +10,7 @@ from model.errors import InputError
 from model.gap.bodies.guess import Shape, guess_shape
 from model.gap.bodies.hidden import hidden_points
 from model.gap.bodies.neighbours import pairs_within
+from model.gap.bodies.reached import bar, held_from_afar
 from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import chain
 from model.gap.bodies.sheet import net
@@ -45,11 +46,13 @@ class Body:
     """(controller, point)."""
     spacing: float
     """Of the points [m]."""
+    hold: float | None = None
+    """How much of it a hand holds at once [m], where that is known; None: by the spacing."""
 
     @property
     def grasp(self) -> float:
         """How much of the object a hand holds at once, about [m]."""
-        return GRASP[self.shape] * self.spacing
+        return GRASP[self.shape] * self.spacing if self.hold is None else self.hold
 
 
 def body_of(observation: Observation, shape: Shape | None = None, scale: float = 1.0) -> Body:
@@ -68,11 +71,22 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     if len(places) < 3:
         raise InputError("points: fewer than three are ever seen: nothing to build a body of")
     controllers = observation.controllers[0].astype(np.float64)
+    if shape in (None, "solid") and held_from_afar(observation, places):
+        return _reaching(seen, controllers, scale)
     shape = shape or guess_shape(places)
     points, springs, spacing = _joined(shape, places, controllers, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
     return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
+
+
+def _reaching(seen: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float) -> Body:
+    """From the few points that are seen to the hand, which is far from them and holds the other end."""
+    made = bar(seen[np.isfinite(seen[:, 0])], controllers, scale)
+    springs = pairs_within(made.points, REACH["solid"] * made.spacing, least=LEAST)
+    index, weight = between(seen, made.points)
+    grip = grip_of(made.points, controllers, made.girth)
+    return Body("solid", made.points, springs, made.share, index, weight, grip, made.spacing, made.girth)
 
 
 def _joined(
