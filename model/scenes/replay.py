@@ -9,7 +9,7 @@ from model.errors import InputError
 from model.scenes.case import Anchors, Case
 from model.simulator.build import build_simulator
 from model.simulator.parameters import TensorLike
-from model.simulator.simulator import Simulator
+from model.simulator.simulator import Lead, Simulator
 from model.types import Array, Observation, Parameters, Topology
 
 
@@ -105,12 +105,15 @@ def roll(
     *,
     substeps: int | None = None,
     checkpoint: bool = False,
+    lead: Lead | None = None,
 ) -> Float[Tensor, "T *b P 3"]:
     """Roll a simulator of the case out from rest under its controls: mass points [m], with gradients."""
     seen = case.observation
     motion = torch.as_tensor(seen.controllers[:frames]) if seen.controllers.shape[1] else None
     times = seen.times[:frames]
-    return simulator.rollout(None, motion, times=times, substeps=substeps, checkpoint=checkpoint).points
+    return simulator.rollout(
+        None, motion, times=times, substeps=substeps, checkpoint=checkpoint, lead=lead
+    ).points
 
 
 def observed(anchors: Anchors, points: Float[Tensor, "T *b P 3"]) -> Float[Tensor, "T *b N 3"]:

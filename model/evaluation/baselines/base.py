@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from model.scenes.case import Case
-from model.scenes.replay import replay
+from model.scenes.replay import case_simulator, replay
+from model.simulator.simulator import Simulator
 from model.types import Array, Parameters, Topology
 
 
@@ -53,6 +54,15 @@ class Fitted(Protocol):
         ...
 
 
+@runtime_checkable
+class SpringMass(Fitted, Protocol):
+    """A prediction that is a rollout of springs and masses, which can be led."""
+
+    def simulator(self, case: Case) -> Simulator:
+        """What `predict` rolls out: over the mass points of the case, held as the case says."""
+        ...
+
+
 class Method(ABC):
     """One way to learn how an object moves from one clip of it. Made without arguments; picklable."""
 
@@ -92,7 +102,14 @@ class Twin:
 
     def predict(self, case: Case) -> Float32[Array, "T N 3"]:
         """Replay the case with these parameters, carried over to its grips."""
-        return replay(case, carried(self.parameters, self.topology, case.topology))
+        return replay(case, self._carried(case))
+
+    def simulator(self, case: Case) -> Simulator:
+        """Of the case with these parameters."""
+        return case_simulator(case, self._carried(case))
+
+    def _carried(self, case: Case) -> Parameters:
+        return carried(self.parameters, self.topology, case.topology)
 
 
 def carried(parameters: Parameters, source: Topology, target: Topology) -> Parameters:

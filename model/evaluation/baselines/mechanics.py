@@ -16,8 +16,9 @@ from model.predictor.prior_mean import PriorMeanPredictor
 from model.predictor.prior_means import volumes
 from model.predictor.stability import fastest, stable_step
 from model.scenes.case import Case
-from model.scenes.replay import observed, replay, roll, topology_simulator
+from model.scenes.replay import case_simulator, observed, replay, roll, topology_simulator
 from model.simulator.parameters import TensorLike
+from model.simulator.simulator import Simulator
 from model.types import Array, Parameter, Parameters, Topology
 
 GLOBALS = {"dashpot_damping": "N*s/m", "drag_rate": "1/s", "friction": "1", "restitution": "1"}
@@ -175,7 +176,13 @@ class Rewired:
 
     def predict(self, case: Case) -> Float32[Array, "T N 3"]:
         """Replay the case on these springs, gripped as it is gripped there."""
+        return replay(*self._on_these(case))
+
+    def simulator(self, case: Case) -> Simulator:
+        """Of the case on these springs."""
+        return case_simulator(*self._on_these(case))
+
+    def _on_these(self, case: Case) -> tuple[Case, Parameters]:
         own = self.mechanics.topology
         topology = hold(with_springs(case.topology, own.springs), self.grips, self.grip_reach)
-        parameters = carried(self.mechanics.parameters(), own, topology)
-        return replay(replace(case, topology=topology), parameters)
+        return replace(case, topology=topology), carried(self.mechanics.parameters(), own, topology)

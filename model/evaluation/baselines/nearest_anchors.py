@@ -29,6 +29,7 @@ from model.predictor.prior_means import GRIP, volumes
 from model.scenes.case import Case
 from model.scenes.replay import observed, roll, topology_simulator
 from model.simulator.divergence import SimulationDiverged
+from model.simulator.simulator import Simulator
 from model.types import Array, Parameters, Topology
 
 START = math.log(50.0)
@@ -198,6 +199,10 @@ class Anchored:
             points = _roll(case, topology, self.values, len(case.observation.times))
         return points.numpy().astype(np.float32)
 
+    def simulator(self, case: Case) -> Simulator:
+        """Of the case on these springs."""
+        return _simulator(case, with_springs(case.topology, self.topology.springs), self.values)
+
 
 def _mechanics(twin: Anchored) -> Mechanics:
     """The twin with one dashpot for all springs, for what bounds the step."""
@@ -211,11 +216,17 @@ def _roll(
     case: Case, topology: Topology, values: Mapping[str, Tensor], frames: int
 ) -> Float[Tensor, "f N 3"]:
     """Where the observed points are [m], on the graph of `stiffness`, `damping`, `friction`, `firmness`."""
+    simulator = _simulator(case, topology, values)
+    points = roll(replace(case, topology=topology), simulator, frames, checkpoint=True)
+    return observed(case.anchors, points)
+
+
+def _simulator(case: Case, topology: Topology, values: Mapping[str, Tensor]) -> Simulator:
     stiffness = values["stiffness"].float()
     held = torch.as_tensor(topology.controller_springs[:, 1]).long()
     grip = values["firmness"] * _usual(torch.as_tensor(topology.springs).long(), stiffness, topology)[held]
     lengths = np.concatenate([topology.rest_length, topology.controller_rest_length])
-    simulator = topology_simulator(
+    return topology_simulator(
         topology,
         case.observation,
         stiffness=stiffness,
@@ -223,8 +234,6 @@ def _roll(
         dashpot_damping=values["damping"] / torch.as_tensor(lengths).clamp_min(1e-6),
         friction=values["friction"],
     ).with_force(HardeningSpring(stiffness))
-    points = roll(replace(case, topology=topology), simulator, frames, checkpoint=True)
-    return observed(case.anchors, points)
 
 
 def _usual(
