@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
 from model.gap.bodies.body import body_of
 from model.gap.bodies.first import first_places
-from model.gap.bodies.guess import guess_shape
+from model.gap.bodies.guess import backed, guess_shape
 from model.types import Observation
 
 
@@ -65,6 +66,30 @@ def test_what_has_limbs_is_a_solid_and_a_saddle_is_a_sheet(ball):
     saddle = np.stack([u, v, 3 * (u**2 - v**2)], -1).reshape(-1, 3)
     assert guess_shape(np.concatenate(plush)) == "solid"
     assert guess_shape(saddle) == "sheet"
+
+
+def test_long_limbs_do_not_make_a_sheet(ball):
+    """Its hull is mostly air, and has more surface than it, as a sheet's has; behind each side is another."""
+    sizes = [np.array([0.6, 0.5, 0.4])] + 4 * [np.array([1.3, 0.3, 0.25])]
+    middles = [np.zeros(3), *(np.array([0.18 * x, 0.14 * y, 0.0]) for x in (-1, 1) for y in (-1, 1))]
+    turns = [0.0, *(x * y * 0.66 for x in (-1, 1) for y in (-1, 1))]
+    parts = [
+        Rotation.from_rotvec([0.0, 0.0, turn]).apply(ball[:: 2 if turn else 3] * size) + middle
+        for size, middle, turn in zip(sizes, middles, turns, strict=True)
+    ]
+    plush = np.concatenate(parts)
+    reach = cKDTree(plush).query(plush, k=4)[0][:, -1]
+    assert (np.pi * reach**2 / 4).sum() < 0.58 * ConvexHull(plush).area
+    assert guess_shape(plush) == "solid"
+    assert backed(plush) > 0.5
+
+
+@pytest.mark.parametrize("height", [lambda r: -r, lambda r: -4 * r**2, lambda r: 0.02 * np.sin(40 * r)])
+def test_behind_a_draped_cloth_is_nothing(height):
+    u, v = np.meshgrid(np.linspace(-0.15, 0.15, 14), np.linspace(-0.15, 0.15, 14))
+    cloth = np.stack([u, v, height(np.hypot(u, v))], -1).reshape(-1, 3)
+    assert backed(cloth) < 0.05
+    assert guess_shape(cloth) == "sheet"
 
 
 def test_markers_in_a_row_are_a_rope():
