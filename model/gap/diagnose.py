@@ -107,6 +107,7 @@ def _tried(
     verdict = first.doubting(confirmed, plain)
     if other is not None:
         verdict = verdict.seconded(_supports(other, plain, confirmed), fitted.plain.twin.body.shape)
+        verdict = verdict.puzzled(*_astray(fitted, other, plain))
     best = verdict.effect
     if best is None:
         return Tried(verdict, confirmed, None, None)
@@ -143,6 +144,14 @@ def _supports(
         else 0.0
         for name, one in confirmed.items()
     }
+
+
+def _astray(fitted: Study, other: Transferred, plain: Fitted) -> tuple[float, float]:
+    """How far off the refitted twin's free runs are in both recordings, over the size of the object."""
+    rest = plain.world.sight(plain.world.system.points)
+    size = float((rest.amax(0) - rest.amin(0)).norm())
+    there = other.forecast(fitted.plain, plain.estimate.values)
+    return plain.foretold.error / size, there.error / size
 
 
 def _starts(signs: Signs, evidence: Evidence) -> dict[str, dict[str, float]]:

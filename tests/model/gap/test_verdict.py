@@ -9,7 +9,7 @@ from model.gap.classifier import CLASSES
 from model.gap.confirm import Confirmed, Fitted
 from model.gap.forecast import Forecast
 from model.gap.signs import signs_of
-from model.gap.verdict import FAILED, MOST, USUAL, Judged, alike, isolability, second_of, support
+from model.gap.verdict import ASTRAY, FAILED, MOST, USUAL, Judged, alike, isolability, second_of, support
 
 SIZE = 400
 
@@ -157,3 +157,23 @@ def test_slack_springs_have_to_explain_more_in_what_buckles():
     assert before.seconded(slack, "solid").best == "tension_only"
     assert before.seconded(slack, "sheet").best == "none"
     assert before.seconded(slack, "rope").best == "none"
+
+
+def test_what_the_twin_follows_in_no_recording_lacks_something_unknown():
+    before = said(none=0.8, unknown=0.05, wind=0.1)
+    lost = before.puzzled(0.2, 0.1)
+    assert lost.best == "unknown"
+    assert sum(lost.chances.values()) == pytest.approx(1.0)
+    assert lost.chances["wind"] / lost.chances["none"] == pytest.approx(0.1 / 0.8)
+    assert before.puzzled(0.1, ASTRAY, 0.2).chances == pytest.approx(before.chances)
+
+
+def test_a_recording_that_the_twin_follows_tells_that_it_knows_enough():
+    before = said(none=0.5, unknown=0.45)
+    assert before.puzzled(0.3, 0.01).chances["unknown"] < 0.1
+
+
+def test_an_effect_that_explains_it_is_named_all_the_same():
+    before = said(none=0.7, unknown=0.05, wind=0.1)
+    explained = before.seconded({"wind": USUAL["solid"] + 1.0}, "solid")
+    assert explained.puzzled(0.15, 0.15).best == "wind"
