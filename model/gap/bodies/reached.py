@@ -21,6 +21,8 @@ FINER = 1.02
 CENTRED = 4
 """Times that the way from end to end is found, each across the last."""
 UPRIGHT = 1e-3
+BEHIND = 0.5
+"""Of the girth: how far the body goes on behind the hand."""
 
 
 def held_from_afar(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
@@ -37,10 +39,12 @@ def held_from_afar(observation: Observation, places: Float64[Array, "N 3"]) -> b
     controllers = observation.controllers[0].astype(np.float64)
     if not len(controllers) or not 2 < len(places) < FEWEST:
         return False
-    if float(cdist(places, controllers).min()) <= float(pdist(places).max()):
+    size = float(pdist(places).max())
+    # hands on both sides may be far from all points, and yet their middle is among them
+    if min(cdist(places, controllers).min(), np.linalg.norm(places.mean(0) - controllers.mean(0))) <= size:
         return False
-    size = _box(places, controllers)[2]
-    if size[1:].max() < SLENDER * size[0]:
+    sides = _box(places, controllers)[2]
+    if sides[1:].max() < SLENDER * sides[0]:
         return False
     return hangs(replace(observation, controllers=observation.controllers[:, :0]))
 
@@ -62,9 +66,10 @@ class Bar:
 def bar(places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float) -> Bar:
     """A straight bar from the hand to the farthest seen point.
 
-    The bar is as thick all along as what is known of it at both ends, for nothing says where it is thinner.
-    Its sides are upright and level, so that its weight bends it downwards and not aside. It has two layers at
-    least: one alone would not resist bending.
+    The bar is as thick all along as what is seen of it, for nothing says where it is thinner, and controllers
+    are on the hand, not on it. Its sides are upright and level, so that its weight bends it downwards and not
+    aside. It has two layers at least: one alone would not resist bending. A hand holds some of it before, and
+    as much behind, what is known of the hand: else the bar would bend in too short a piece.
 
     Args:
         places: Seen points [m].
@@ -74,6 +79,9 @@ def bar(places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale
     axes, low, size = _box(places, controllers)
     thick = np.maximum(size, [0.0, *2 * [THINNEST * size[1:].max()]])
     low, size = low - 0.5 * (thick - size), thick
+    girth = 0.5 * float(np.linalg.norm(size[1:]))
+    low[0] -= BEHIND * girth
+    size[0] += BEHIND * girth
     spacing = scale * _spacing(size)
     counts = _counts(size, spacing)
     lines = [begin + np.linspace(0.0, side, n) for begin, side, n in zip(low, size, counts, strict=True)]
@@ -81,17 +89,17 @@ def bar(places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale
     # half a cell belongs to a point of a face: else an end would be heavier than the middle
     cells = [np.where((np.arange(n) == 0) | (np.arange(n) == n - 1), 0.5, 1.0) for n in counts]
     share = np.prod(np.stack(np.meshgrid(*cells, indexing="ij"), -1), -1).reshape(-1)
-    girth = 0.5 * float(np.linalg.norm(size[1:]))
     return Bar(points, share / share.sum(), float(np.mean(size / (counts - 1))), girth)
 
 
 def _box(
     places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"]
 ) -> tuple[Float64[Array, "3 3"], Float64[Array, "3"], Float64[Array, "3"]]:
-    """Axes of the bar, where along these it begins, and its sides [m]."""
+    """Axes of the bar, where along these it begins, and its sides [m], of what is seen and up to the hand."""
     axes = _axes(places, controllers)
-    own = np.concatenate([places, controllers]) @ axes.T
+    own, hand = places @ axes.T, controllers @ axes.T
     low = own.min(0)
+    low[0] = hand[:, 0].min()
     return axes, low, own.max(0) - low
 
 
@@ -122,7 +130,7 @@ def _counts(size: Float64[Array, "3"], spacing: float) -> Int64[Array, "3"]:
 
 def _spacing(size: Float64[Array, "3"]) -> float:
     """The finest [m] with no more than `POINTS` points."""
-    spacing = float(size.prod() / POINTS) ** (1 / 3)
+    spacing: float = (float(size.prod()) / POINTS) ** (1 / 3)
     while int(_counts(size, spacing).prod()) > POINTS:
         spacing *= FINER
     return spacing

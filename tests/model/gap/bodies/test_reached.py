@@ -26,11 +26,11 @@ def test_the_body_reaches_from_the_tip_to_the_clamp(cantilever):
     seen = cantilever()
     body = body_of(seen)
     assert body.shape == "solid"
-    assert body.points[:, 0].min() == pytest.approx(-0.1, abs=0.01)
+    assert body.points[:, 0].min() == pytest.approx(-0.1 - 0.25 * 0.042, abs=0.01)
     assert body.points[:, 0].max() == pytest.approx(0.0, abs=0.01)
     assert 40 < len(body.points) <= 110
     bound = (body.weight[..., None] * body.points[body.index]).sum(1)
-    np.testing.assert_allclose(bound, seen.points[0], atol=2e-4)
+    np.testing.assert_allclose(bound, seen.points[0], atol=6e-4)
 
 
 def test_the_hand_holds_the_whole_end_and_not_the_other(cantilever):
@@ -76,7 +76,7 @@ def test_a_bar_that_hangs_reaches_upwards(cantilever):
         controllers=down.apply(seen.controllers[0]).astype(np.float32)[None].repeat(120, 0),
     )
     body = body_of(turned)
-    assert np.ptp(body.points[:, 2]) == pytest.approx(0.1, abs=0.02)
+    assert np.ptp(body.points[:, 2]) == pytest.approx(0.11, abs=0.01)
 
 
 def test_markers_in_a_plane_make_a_bar_of_some_thickness(cantilever):
@@ -96,6 +96,14 @@ def test_who_falls_is_held_by_nobody(cantilever):
     assert not held_from_afar(replace(seen, points=fallen), fallen[0].astype(np.float64))
     lying = replace(seen, ground_height=float(seen.points[..., 2].min()) - 0.001)
     assert not held_from_afar(lying, seen.points[0].astype(np.float64))
+
+
+def test_between_two_hands_nothing_is_reached():
+    """Both are far from the markers, one on each side."""
+    seen = still(0.02 * np.eye(3), [[0.15, 0.0, 0.0], [-0.15, 0.0, 0.0]])
+    assert not held_from_afar(seen, seen.points[0].astype(np.float64))
+    one = replace(seen, controllers=seen.controllers[:, :1])
+    assert held_from_afar(one, one.points[0].astype(np.float64))
 
 
 def ordinary():
