@@ -39,8 +39,8 @@ def _settings(_: click.Context, __: click.Parameter, value: str) -> tuple[str, .
     show_default=True,
     metavar="A,B,…",
     help="Names, `all`, or NAME=FILE for a predictor (NAME=DIR: the one in it that left out the object); the "
-    "first is what the others are compared with. A predictor's twin is led through the seen frames: not where "
-    "its name ends with `-open-loop`; baselines of springs are where theirs ends with `-synchronised`.",
+    "first is what the others are compared with. A predictor's twin is led through the seen frames, but not "
+    "where its name ends with `-open-loop`; baselines of springs are where theirs ends with `-synchronised`.",
 )
 @click.option(
     "--settings",
