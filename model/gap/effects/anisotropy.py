@@ -21,6 +21,9 @@ from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
 
+CHAINED = 2
+"""Springs at most at a point of a chain."""
+
 
 class FibreSpring(AxialForce):
     r"""What springs along the fibres pull more: $f = k\,\alpha\cos^2\theta\,(|d| - L)$.
@@ -82,7 +85,10 @@ class Anisotropy(Effect):
     }
 
     def unable(self, world: World) -> str | None:
-        """Why it cannot act."""
+        """Why it cannot act: in a chain, whose springs all lie along it, it is but stiffness."""
+        joined = torch.bincount(world.system.springs.flatten())
+        if len(joined) and int(joined.max()) <= CHAINED:
+            return "its springs have one direction, along it"
         return no_springs(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:

@@ -9,7 +9,18 @@ from model.gap.classifier import CLASSES
 from model.gap.confirm import Confirmed, Fitted
 from model.gap.forecast import Forecast
 from model.gap.signs import signs_of
-from model.gap.verdict import ASTRAY, FAILED, MOST, USUAL, Judged, alike, isolability, second_of, support
+from model.gap.verdict import (
+    ASTRAY,
+    FAILED,
+    MOST,
+    UNTRIED,
+    USUAL,
+    Judged,
+    alike,
+    isolability,
+    second_of,
+    support,
+)
 
 SIZE = 400
 
@@ -149,7 +160,15 @@ def test_what_the_other_interaction_confirms_is_believed_and_what_it_does_not_is
     assert after.chances["damage"] < before.chances["damage"]
     assert sum(after.chances.values()) == pytest.approx(1.0)
     same = before.seconded({"wind": USUAL["rope"]}, "rope")
-    assert same.chances == pytest.approx(before.chances)
+    assert same.chances["wind"] / same.chances["none"] == pytest.approx(0.2 / 0.4)
+
+
+def test_effects_that_were_not_worth_a_fit_lose_a_little():
+    before = said(wind=0.2, damage=0.1, none=0.4)
+    after = before.seconded({"wind": USUAL["rope"]}, "rope")
+    assert after.chances["damage"] / after.chances["none"] == pytest.approx(np.exp(UNTRIED) * 0.1 / 0.4)
+    assert after.chances["unknown"] / after.chances["none"] == pytest.approx(before.chances["unknown"] / 0.4)
+    assert before.seconded({}, "rope").chances == pytest.approx(before.chances), "nothing was tried at all"
 
 
 def test_slack_springs_have_to_explain_more_in_what_buckles():

@@ -1,13 +1,16 @@
 """What every effect of the catalogue must keep."""
 
+from dataclasses import replace
 from typing import get_args
 
+import numpy as np
 import pytest
 import torch
 
-from model.gap.effects import ALL_EFFECTS
+from model.gap.effects import ALL_EFFECTS, Anisotropy, StrainStiffening
 from model.gap.effects.base import Effect
 from model.schema import EffectName
+from model.simulator.build import build_simulator
 
 every_effect = pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.name)
 BODY_ONLY = {"strain_stiffening", "viscoelasticity", "plasticity", "damage", "tension_only", "anisotropy"}
@@ -158,3 +161,17 @@ def test_says_where_it_cannot_act(kind, loose):
     reason = kind().unable(loose)
     free_anywhere = {"quadratic_air_drag", "wind", "mass_heterogeneity", "self_collision"}
     assert (reason is None) == (kind.name in free_anywhere)
+
+
+def test_fibres_mean_nothing_in_a_chain(block):
+    """Its springs lie along it wherever it bends: stiffer along them is stiffer."""
+    chain = np.stack([np.arange(9), np.arange(1, 10)], -1)
+    simulator = build_simulator(
+        points=np.linspace([0.0, 0.0, 0.1], [0.2, 0.05, 0.1], 10),
+        mass=np.full(10, 0.01),
+        springs=chain,
+        rest_length=np.full(9, 0.02),
+        stiffness=20.0,
+    )
+    assert "one direction" in (Anisotropy().unable(replace(block, simulator=simulator)) or "")
+    assert StrainStiffening().unable(replace(block, simulator=simulator)) is None
