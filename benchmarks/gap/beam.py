@@ -24,9 +24,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from benchmarks.gap.beam_figure import Line, draw, tip
-from benchmarks.gap.beam_twin import SECONDS, added, elsewhere, foretold, load_found
+from benchmarks.gap.beam_twin import added, elsewhere, foretold, load_found
 from benchmarks.gap.cantilever import GRAVITY, Cantilever
-from benchmarks.gap.swing import Swing, swing
+from benchmarks.gap.swing import LOOKED_AT, Swing, swing
 from model.formats.npz import read_arrays
 from model.gap.bodies.let_go import after_let_go
 from model.gap.diagnose import diagnose
@@ -42,11 +42,7 @@ from model.simulator.kernel.threads import kernel_threads, usable_cores
 from model.types import Array, Observation
 
 FIRST, AGAIN, LOADED = "beam_gravity_a", "beam_gravity_b", "beam_load52_a"
-KEYS = ("tip_load_N", "density", "beam_size_m", "release_frame")
-KEYS = ("tip_load_N", "density", "beam_size_m", "release_frame")
-EXCESS = (0.5, 5.0, 25.0)
-ENDS = ((0.1, 0.5), (0.9, 0.5), (0.5, 0.1), (0.5, 0.9))
-"""Where the search for a load begins, as shares of the beam's box."""
+KEYS = ("tip_load_N", "density", "beam_size_m")
 
 
 @dataclass(frozen=True)
@@ -109,7 +105,7 @@ def error(
     seen: Float64[Array, "T N 3"], other: Float64[Array, "S N 3"], times: Float64[Array, " T"]
 ) -> float:
     """Mean distance of the markers over the first second, each from where it was let go [m]."""
-    count = min(int(np.searchsorted(times, times[0] + SECONDS)), len(other))
+    count = min(int(np.searchsorted(times, times[0] + LOOKED_AT)), len(other))
     way = (seen - seen[0])[:count] - (other - other[0])[:count]
     return float(np.nanmean(np.linalg.norm(way, axis=-1)))
 

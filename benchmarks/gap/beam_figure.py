@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float64
 from matplotlib.figure import Figure
 
+from benchmarks.gap.swing import LOOKED_AT
 from model.gap.report.style import BASELINE, EFFECT, FLOOR, NORMAL, OBSERVED, REFIT, SMALL, new_figure, tidy
 from model.types import Array
 
-SECONDS = 1.0
 LOOKS = {
     "observed": (OBSERVED, "-", 2.2),
     "observed again": (FLOOR, "-", 1.2),
@@ -42,7 +42,7 @@ def draw(panels: Mapping[str, Mapping[str, Line]]) -> Figure:
     for axes, (title, lines) in zip(every, panels.items(), strict=True):
         for name, line in lines.items():
             color, dashes, width = LOOKS[name]
-            early = line.times <= SECONDS
+            early = line.times <= LOOKED_AT
             axes.plot(
                 line.times[early], 1e3 * line.height[early], dashes, color=color, linewidth=width, label=name
             )
@@ -53,7 +53,7 @@ def draw(panels: Mapping[str, Mapping[str, Line]]) -> Figure:
         axes.set_ylim(low, high + 0.35 * (high - low))
         tidy(axes, "y")
     every[-1].set_xlabel("seconds since it was let go", fontsize=SMALL)
-    every[-1].set_xlim(0.0, SECONDS)
+    every[-1].set_xlim(0.0, LOOKED_AT)
     return figure
 
 

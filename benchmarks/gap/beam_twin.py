@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float64
 from scipy.optimize import minimize_scalar
 
+from benchmarks.gap.swing import LOOKED_AT
 from model.gap.bodies.body import between, grip_of
 from model.gap.bodies.rest import rest_places
 from model.gap.effects.mass_heterogeneity import MassHeterogeneity
@@ -14,8 +15,6 @@ from model.gap.plain import PlainTwin
 from model.gap.study import Study
 from model.types import Array, Observation
 
-SECONDS = 1.0
-"""In which the beam swings clearly."""
 HEAVIEST = 0.1
 """Of a load that is looked for, in metres of beam."""
 TRIED = 9
@@ -81,7 +80,7 @@ def load_found(fitted: Study, twin: PlainTwin) -> float:
         In metres of beam.
     """
     seen = twin.observation.points.astype(np.float64)
-    early = slice(0, int(np.searchsorted(twin.observation.times, twin.observation.times[0] + SECONDS)))
+    early = slice(0, int(np.searchsorted(twin.observation.times, twin.observation.times[0] + LOOKED_AT)))
 
     def left(load: float) -> float:
         return float(np.nanmean((foretold(fitted, twin, load, early.stop - 1) - seen[early]) ** 2))

@@ -10,6 +10,7 @@ from jaxtyping import Float32, Float64
 from model.errors import InputError
 from model.evaluation.baselines.base import Method, PartBelief, SpringMass
 from model.evaluation.kriging import Kriging
+from model.gap.observer import corrected
 from model.scenes.case import Case
 from model.scenes.replay import observed, roll
 from model.simulator.system import State
@@ -119,9 +120,4 @@ class Lead:
         interval = float(times[frame] - times[frame - 1])
         alpha = 1.0 - float(np.exp(-interval / PATIENCE))
         self.left += alpha * ((1.0 - alpha) * seen_error - self.left)
-        moved = torch.as_tensor(error).to(state.positions)
-        return State(
-            state.positions + alpha * moved,
-            state.velocities + alpha**2 / (2.0 - alpha) / interval * moved,
-            state.memory,
-        )
+        return corrected(state, torch.as_tensor(error).to(state.positions), alpha, interval)

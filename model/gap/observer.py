@@ -106,9 +106,20 @@ class Observer:
         flat = error.movedim(-2, 0).reshape(error.shape[-2], -1)
         total = (weight @ flat).reshape(len(weight), *error.shape[:-2], 3).movedim(0, -2)
         moved = total / (weight.sum(-1, keepdim=True) + 0.1)
-        gain = 1.0 - float(np.exp(-interval / self.patience))
-        return State(
-            state.positions + gain * moved,
-            state.velocities + gain**2 / (2.0 - gain) / interval * moved,
-            state.memory,
-        )
+        return corrected(state, moved, 1.0 - float(np.exp(-interval / self.patience)), interval)
+
+
+def corrected(state: State, error: Tensor, gain: float, interval: float) -> State:
+    """A state moved by a share of the error of its places [m], and by what that says of its velocities.
+
+    Args:
+        state: That was expected.
+        error: Of each mass point, of the shape of the positions.
+        gain: α, 0..1; β is α² / (2 − α).
+        interval: Since the last look [s].
+    """
+    return State(
+        state.positions + gain * error,
+        state.velocities + gain**2 / (2.0 - gain) / interval * error,
+        state.memory,
+    )

@@ -8,7 +8,7 @@ from pathlib import Path
 from model.bundle import TwinBundle
 from model.doubts import collect_doubts
 from model.gap.bodies.body import body_of
-from model.gap.bodies.let_go import after_let_go, let_go
+from model.gap.bodies.let_go import after_let_go
 from model.gap.diagnosable import check_diagnosable, check_transfer
 from model.gap.diagnosis import Diagnosis
 from model.gap.given import given_twin
@@ -53,15 +53,15 @@ def diagnose(
 def _diagnosable(path: Path) -> Observation:
     observation = read_observation(path)
     check_diagnosable(observation, path.name)
-    first = let_go(observation)
-    if not first:
-        return observation
-    warnings.warn(
-        f"{path.name}: something that is no controller holds the object still up to frame {first} and lets "
-        "it go: the frames before were left out",
-        stacklevel=2,
-    )
-    return after_let_go(observation)
+    free = after_let_go(observation)
+    first = len(observation.times) - len(free.times)
+    if first:
+        warnings.warn(
+            f"{path.name}: something that is no controller holds the object still up to frame {first} and "
+            "lets it go: the frames before were left out",
+            stacklevel=2,
+        )
+    return free
 
 
 def _confirming(path: Path, seen: Observation) -> Observation:
