@@ -29,7 +29,6 @@ from model.gap.effects.base import (
     spring_stiffness,
 )
 from model.gap.plain import DAMPED
-from model.gap.structure import cells, rows, spans, turns
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.forces.bending import Bending
@@ -37,6 +36,7 @@ from model.simulator.forces.controller import ControllerSpring
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.vectors import Vector, dot
 from model.simulator.parameters import Constant
+from model.simulator.structure import cells, rows, spans, turns
 from model.types import Array
 
 STRAIN = 0.1

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, on_points
-from model.gap.structure import rows, spans, turns
 from model.gap.world import World
 from model.simulator.forces.bending import Bending
+from model.simulator.structure import rows, spans, turns
 
 
 class BendingStiffness(Effect):

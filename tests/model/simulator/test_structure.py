@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.gap.structure import cells, rows, spans, turns
+from model.simulator.structure import cells, rows, spans, turns
 
 
 def test_a_chain_is_one_row():
