@@ -197,6 +197,7 @@ class TwinBundle:
             friction=scalar(parameters, "friction", 0.0),
             restitution=scalar(parameters, "restitution", 0.0),
             collision_distance=scalar(parameters, "collision_distance", 0.0),
+            bending_decay=scalar(parameters, "bending_decay", 0.0),
             gravity=gravity(parameters),
             ground_height=ground_height(parameters),
         )

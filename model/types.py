@@ -284,7 +284,8 @@ class Parameters:
     """[N/m]."""
     globals: Mapping[str, Parameter]
     """`dashpot_damping` [N*s/m], `drag_rate` [1/s], `friction` [1], `restitution` [1],
-    `collision_distance` [m], `gravity` [m/s²], `ground_height` [m] (absent: no ground)."""
+    `collision_distance` [m], `bending_decay` [1/s], `gravity` [m/s²], `ground_height` [m] (absent: no
+    ground)."""
     warnings: tuple[str, ...] = ()
 
 

@@ -30,4 +30,11 @@ class Exporter(ABC):
     def losses(self, twin: "TwinBundle") -> tuple[str, ...]:
         """A line for each effect of the twin that the files do not have: to be told, and for a README."""
         names = dict.fromkeys(effect.name for effect in twin.effects)
-        return tuple(self.lost(name) for name in names if name not in self.expressed)
+        lost = tuple(self.lost(name) for name in names if name not in self.expressed)
+        decay = twin.parameters.globals.get("bending_decay")
+        if decay is None or not decay.value:
+            return lost
+        return (
+            *lost,
+            f"{self.name}: the files have no bending_decay: zigzags of neighbours go on for longer",
+        )

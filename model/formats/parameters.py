@@ -15,6 +15,7 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "friction": (0, np.inf),
     "restitution": (0, 1),
     "collision_distance": (0, np.inf),
+    "bending_decay": (0, np.inf),
     "ground_height": (-np.inf, np.inf),
 }
 """The scalars a simulator takes, and the smallest and largest that each may be."""

@@ -249,6 +249,7 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         start={**found.matter.start, **own.start},
         restitution=own.restitution,
         collision_distance=own.collision_distance,
+        bending_decay=own.bending_decay,
     )
     heavier = float(own.mass.sum() / found.matter.mass.sum())
     return replace(

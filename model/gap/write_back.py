@@ -198,6 +198,7 @@ def _of_the_place(parameters: Parameters, observation: Observation, plain: Plain
         "friction": Parameter(plain.matter.start["friction"], "1", "prior"),
         "restitution": Parameter(plain.matter.restitution, "1", "prior"),
         "collision_distance": Parameter(plain.matter.collision_distance, "m", "prior"),
+        "bending_decay": Parameter(plain.matter.bending_decay, "1/s", "prior"),
         **parameters.globals,
         "gravity": Parameter(observation.gravity, "m/s^2", "user"),
     }

@@ -8,6 +8,7 @@ from model.simulator.contacts.base import ContactTerm
 from model.simulator.contacts.ground import Ground
 from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.forces.base import ForceTerm
+from model.simulator.forces.bending_damping import BendingDamping
 from model.simulator.forces.controller import ControllerSpring
 from model.simulator.forces.dashpot import Dashpot
 from model.simulator.forces.drag import Drag
@@ -34,6 +35,7 @@ def build_simulator(
     friction: TensorLike = 0.0,
     restitution: TensorLike = 0.0,
     collision_distance: float | None = None,
+    bending_decay: float = 0.0,
     gravity: TensorLike = (0.0, 0.0, -9.81),
     ground_height: TensorLike | None = None,
     dtype: torch.dtype = torch.float32,
@@ -55,6 +57,7 @@ def build_simulator(
         friction: [1], of the ground and of self-contact.
         restitution: [1], of the ground and of self-contact.
         collision_distance: Of self-contact [m]; None or 0: no self-contact.
+        bending_decay: Rate at which zigzags between neighbouring points die out [1/s]; 0: they do not.
         gravity: [m/s²], shape [3].
         ground_height: z of the ground [m]; None: no ground.
         dtype: In which the simulator computes.
@@ -75,12 +78,23 @@ def build_simulator(
     forces: list[ForceTerm] = [Spring(stiffness), Dashpot(dashpot_damping), Gravity(gravity), Drag(drag_rate)]
     if controller_stiffness is not None and system.controller_count:
         forces.insert(1, ControllerSpring(controller_stiffness))
+    if bending_decay:
+        forces.append(_calming(system, bending_decay))
     contacts: list[ContactTerm] = []
     if collision_distance:
         contacts.append(SelfCollision(system, collision_distance, restitution, friction))
     if ground_height is not None:
         contacts.append(Ground(restitution, friction, ground_height))
     return Simulator(system, forces, contacts)
+
+
+def _calming(system: System, decay: float) -> BendingDamping:
+    """Of the object as it lies at rest, with its mass spread evenly."""
+    mass = system.value("mass").detach()
+    whole = float(mass.mean()) * len(system.points)
+    return BendingDamping.calming(
+        system.points.double().cpu().numpy(), system.springs.cpu().numpy(), whole, decay
+    )
 
 
 def _indices(pairs: Tensor | np.ndarray | None) -> Tensor:

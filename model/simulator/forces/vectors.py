@@ -13,6 +13,16 @@ def minus(a: Vector, b: Vector) -> Vector:
     return tuple(x - y for x, y in zip(a, b, strict=True))
 
 
+def plus(a: Vector, b: Vector) -> Vector:
+    """Sum, a + b."""
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def times(by: Scalar, a: Vector) -> Vector:
+    """A multiple."""
+    return tuple(by * x for x in a)
+
+
 def dot(a: Vector, b: Vector) -> Scalar:
     """Inner product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -3,6 +3,7 @@ from dataclasses import replace
 from model.bundle import TwinBundle
 from model.exports.base import Exporter
 from model.schema import EffectRecord
+from model.types import Parameter
 
 
 class Springs(Exporter):
@@ -18,6 +19,13 @@ def test_effects_that_a_format_lacks_are_told_once_each(twin_path):
     twin = replace(TwinBundle.load(twin_path), effects=tuple(EffectRecord(name=name) for name in names))
     losses = Springs().losses(twin)
     assert [line.split("the effect ")[1].split(":")[0] for line in losses] == ["wind", "damage"]
+
+
+def test_zigzags_that_die_out_are_told(twin_path):
+    twin = TwinBundle.load(twin_path)
+    decay = {"bending_decay": Parameter(200.0, "1/s", "prior")}
+    calm = replace(twin, parameters=replace(twin.parameters, globals={**twin.parameters.globals, **decay}))
+    assert [line for line in Springs().losses(calm) if "no bending_decay" in line]
 
 
 def test_a_twin_without_effects_loses_nothing(twin_path):

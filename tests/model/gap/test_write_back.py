@@ -10,7 +10,7 @@ from model.gap.carried import record_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects import QuadraticAirDrag, SteadyWind
 from model.gap.given import given_twin
-from model.gap.plain import PlainTwin
+from model.gap.plain import CALM, PlainTwin
 from model.gap.write_back import twin_of, with_findings
 from model.types import Observation, Parameter
 
@@ -112,6 +112,7 @@ class TestMade:
         ]  # slight, as of any cloth
         assert twin.manifest.source.fps == pytest.approx(25.0)
         assert twin.parameters.globals["ground_height"].value == 0.5
+        assert twin.parameters.globals["bending_decay"].value == CALM["sheet"]
         bare = replace(twin, effects=twin.effects[:-1])
         np.testing.assert_allclose(bare.rollout(substeps=200).points, predicted(plain, values), atol=2e-5)
         assert np.abs(twin.rollout(substeps=200).points - bare.rollout(substeps=200).points).max() > 1e-5

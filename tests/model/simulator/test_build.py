@@ -117,6 +117,22 @@ def test_contacts(arrays):
     assert list(build_simulator(**arrays, collision_distance=0.0).contacts) == []
 
 
+def test_zigzags_die_out_where_that_is_asked_for(arrays):
+    assert "bending_damping" not in build_simulator(**arrays, bending_decay=0.0).forces
+    count = 6
+    row = np.stack([0.01 * np.arange(count), np.zeros(count), np.zeros(count)], -1)
+    made = build_simulator(
+        points=row,
+        mass=np.full(count, 0.02),
+        springs=np.stack([np.arange(count - 1), np.arange(1, count)], -1),
+        rest_length=np.full(count - 1, 0.01),
+        stiffness=np.full(count - 1, 100.0),
+        bending_decay=50.0,
+    )
+    damping = made.force("bending_damping").value("bending_damping")
+    np.testing.assert_allclose(damping.numpy(), 50.0 / 16 * 0.02 * 0.01**2, rtol=1e-5)
+
+
 def test_controllers_without_places_need_controls(arrays):
     del arrays["controller_points"]
     with pytest.raises(InputError, match="no rest places of them: give controls"):
