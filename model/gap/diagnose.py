@@ -19,6 +19,7 @@ from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
 from model.gap.signs import SIGN_NAMES, Signs, signs_of
+from model.gap.size import size_of
 from model.gap.study import Study, study
 from model.gap.transfer import Transferred, transferred
 from model.gap.verdict import Judged, judged, second_of, support
@@ -148,8 +149,7 @@ def _supports(
 
 def _astray(fitted: Study, other: Transferred, plain: Fitted) -> tuple[float, float]:
     """How far off the refitted twin's free runs are in both recordings, over the size of the object."""
-    rest = plain.world.sight(plain.world.system.points)
-    size = float((rest.amax(0) - rest.amin(0)).norm())
+    size = size_of(plain.world.system.points.double().numpy())
     there = other.forecast(fitted.plain, plain.estimate.values)
     return plain.foretold.error / size, there.error / size
 

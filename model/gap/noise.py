@@ -9,6 +9,8 @@ from model.gap.bodies.first import first_places
 from model.types import Observation
 
 NEIGHBOURS = 6
+MIDDLE = 1.5382
+"""Median length of a vector of three independent normal numbers of variance 1."""
 QUIETEST = 5e-5
 """No measurement is less noisy than this [m]."""
 
@@ -29,5 +31,6 @@ def noise_of(observation: Observation) -> float:
         near = cKDTree(places).query(places, k=count + 1)[1][:, 1:]
         third = third - third[:, near].mean(2)
     excess = 20.0 * (1.0 + (1.0 / count if count > 1 else 0.0))
-    spread = float(np.nanmedian(np.abs(third))) if np.isfinite(third).any() else 0.0
-    return max(1.4826 * spread / math.sqrt(excess), QUIETEST)
+    length = np.linalg.norm(third, axis=-1)  # the same in a turned world, as no coordinate's is
+    spread = float(np.nanmedian(length)) if np.isfinite(length).any() else 0.0
+    return max(spread / MIDDLE / math.sqrt(excess), QUIETEST)

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from model.gap.size import size_of
 from model.gap.world import World
 from model.simulator.simulator import Rollout
 from model.simulator.system import State
@@ -50,8 +51,7 @@ class Observer:
         self.seen: Bool[Tensor, "T N"] = torch.isfinite(points[..., 0])
         self.places: Float[Tensor, "T N 3"] = torch.nan_to_num(points)
         rest = world.sight(world.system.points)
-        size = float((rest.amax(0) - rest.amin(0)).norm())
-        self.lost = LOST * size
+        self.lost = LOST * size_of(world.system.points.double().numpy())
         apart = torch.cdist(world.system.points, rest)
         reach = torch.maximum(apart.amin(1, keepdim=True), torch.tensor(0.7 * world.spacing, dtype=dtype))
         self._spread: Float[Tensor, "P N"] = torch.exp(-0.5 * (apart / reach) ** 2)

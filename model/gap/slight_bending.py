@@ -1,11 +1,11 @@
 """The little bending stiffness that every cloth and rope has."""
 
-import numpy as np
 import torch
 
 from model.gap.bodies.body import Body
-from model.gap.structure import rows, spans, turns
+from model.gap.size import size_of
 from model.simulator.forces.bending import Bending
+from model.simulator.structure import rows, spans, turns
 
 SLIGHT = {"rope": 2e-6, "sheet": 2e-4}
 """Of a rope over weight times length squared, of a sheet over weight times length times spacing: as of thin
@@ -29,7 +29,7 @@ def slight_bending(body: Body, weight: float) -> SlightBending | None:
     triples = rows(body.points, body.springs)
     if not len(triples):
         return None
-    length = float(np.linalg.norm(np.ptp(body.points, axis=0)))
+    length = size_of(body.points)
     across = length if body.shape == "rope" else body.spacing
     return SlightBending(
         torch.from_numpy(triples),

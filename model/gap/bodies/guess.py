@@ -7,6 +7,7 @@ from jaxtyping import Float64
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from model.gap.bodies.path import along
+from model.gap.size import size_of
 from model.types import Array
 
 Shape: TypeAlias = Literal["rope", "sheet", "solid"]
@@ -73,6 +74,6 @@ def backed(places: Float64[Array, "N 3"]) -> float:
     way = places[None] - places[:, None]
     off = np.abs((way * normal[:, None]).sum(-1))
     beside = np.sqrt(np.maximum((way**2).sum(-1) - off**2, 0.0))
-    size = float(np.linalg.norm(np.ptp(places, axis=0)))
-    behind = (beside < BESIDE * spacing) & (off > BEHIND[0] * spacing) & (off < BEHIND[1] * size)
+    farthest = BEHIND[1] * size_of(places)
+    behind = (beside < BESIDE * spacing) & (off > BEHIND[0] * spacing) & (off < farthest)
     return float(behind.any(1).mean())

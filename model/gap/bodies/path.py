@@ -18,6 +18,7 @@ def along(places: Float64[Array, "N 3"]) -> tuple[Float64[Array, " N"], float]:
     graph = np.maximum(graph, graph.T)
     tree = minimum_spanning_tree(apart + 1e-12).toarray()
     graph = np.maximum(graph, np.maximum(tree, tree.T))
-    end = int(dijkstra(graph, indices=0).argmax())
+    farthest = int(np.linalg.norm(places - places.mean(0), axis=1).argmax())  # whatever the points' order
+    end = int(dijkstra(graph, indices=farthest).argmax())
     away = dijkstra(graph, indices=end)
     return away, float(away.max())

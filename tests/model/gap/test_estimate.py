@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from model.gap.bodies.body import body_of
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
@@ -48,6 +49,16 @@ def test_noise_is_told_from_motion(shaken):
     noise = np.random.default_rng(1).normal(0, 2e-3, carried.shape)
     seen = replace(still, points=(carried + noise).astype(np.float32))
     assert noise_of(seen) == pytest.approx(2e-3, rel=0.05)
+
+
+def test_noise_is_the_same_whichever_way_the_world_is_turned(shaken):
+    still, _ = shaken
+    flat = np.random.default_rng(1).normal(0, 1, still.points.shape) * np.array([3e-3, 1e-3, 0.0])
+    turn = Rotation.from_euler("zx", (40, 25), degrees=True).as_matrix()
+    one, other = (
+        replace(still, points=((still.points + flat) @ by.T).astype(np.float32)) for by in (np.eye(3), turn)
+    )
+    assert noise_of(other) == pytest.approx(noise_of(one), rel=1e-4)
 
 
 def test_finds_what_was_planted(shaken):

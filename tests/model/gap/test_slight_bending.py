@@ -44,7 +44,7 @@ def test_a_rope_that_was_curved_at_first_resists_being_straightened():
     # B κ² / s of every row, κ the angle between two pieces and s both of them together
     way = np.diff(body.points, axis=0) / steps[:, None]
     turn = np.arccos(np.clip((way[1:] * way[:-1]).sum(1), -1, 1))
-    length = np.linalg.norm(np.ptp(body.points, axis=0))
+    length = 2 * np.linalg.norm(body.points - body.points.mean(0), axis=1).max()
     stiffness = SLIGHT["rope"] * WEIGHT * length**2
     direct = (stiffness * (2 * np.tan(turn / 2)) ** 2 / (steps[1:] + steps[:-1])).sum()
     assert energy == pytest.approx(direct, rel=1e-3)
