@@ -17,8 +17,8 @@ from model.simulator.divergence import SimulationDiverged
 from model.simulator.system import State
 from model.types import Array
 
-STEPS = (0.25, 0.08, 0.025)
-"""Of a coordinate, for a difference: wide at first, to look across the kinks of contacts, then fine."""
+STEPS = (0.08, 0.02)
+"""Of a coordinate, for a difference: wider at first, to look across the kinks of contacts, then fine."""
 SPARE = 1.3
 """Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
 FIRST_HORIZON = 5
@@ -150,8 +150,12 @@ class Misfit:
             return np.concatenate([self._some(vector[None]) for vector in vectors])
         predicted = led.predicted if len(vectors) > 1 else led.predicted.unsqueeze(1)
         error = (predicted - self._places.unsqueeze(1)).movedim(1, 0)[:, self._seen]
-        bounded = self.observer.lost * torch.tanh(error / self.observer.lost)
-        return bounded.reshape(len(vectors), -1).double().numpy() / self.noise
+        far = (
+            error.norm(dim=-1, keepdim=True) / self.observer.lost
+        )  # no coordinate's: the world may be turned
+        bounded = error * (torch.tanh(far) / far.clamp_min(1e-9))
+        rows: Float64[Array, "b m"] = bounded.reshape(len(vectors), -1).double().numpy() / self.noise
+        return rows
 
 
 @dataclass(frozen=True)
