@@ -12,7 +12,10 @@ from model.gap.signs import signs_of
 from model.gap.verdict import (
     ASTRAY,
     FAILED,
+    FURTHER,
+    LIMITS,
     MOST,
+    STEP,
     UNTRIED,
     USUAL,
     Judged,
@@ -163,11 +166,21 @@ def test_what_the_other_interaction_confirms_is_believed_and_what_it_does_not_is
     assert same.chances["wind"] / same.chances["none"] == pytest.approx(0.2 / 0.4)
 
 
-def test_effects_that_were_not_worth_a_fit_lose_a_little():
+def test_of_two_that_explain_much_the_one_that_explains_more_is_believed():
+    before, most = said(wind=0.2, damage=0.2, none=0.4), USUAL["rope"] + LIMITS[1] * STEP
+    after = before.seconded({"wind": most + 3 * FURTHER, "damage": most}, "rope")
+    assert after.chances["wind"] / after.chances["damage"] == pytest.approx(np.exp(3.0))
+    assert after.chances["damage"] / after.chances["none"] == pytest.approx(0.5 * np.exp(LIMITS[1]))
+
+
+def test_effects_that_were_not_worth_a_fit_are_believed_as_little_as_those_that_explain_nothing():
     before = said(wind=0.2, damage=0.1, none=0.4)
     after = before.seconded({"wind": USUAL["rope"]}, "rope")
     assert after.chances["damage"] / after.chances["none"] == pytest.approx(np.exp(UNTRIED) * 0.1 / 0.4)
     assert after.chances["unknown"] / after.chances["none"] == pytest.approx(before.chances["unknown"] / 0.4)
+    assert after.chances["damage"] == pytest.approx(
+        before.seconded({"wind": USUAL["rope"], "damage": 0.0}, "rope").chances["damage"]
+    )
     assert before.seconded({}, "rope").chances == pytest.approx(before.chances), "nothing was tried at all"
 
 
