@@ -7,22 +7,18 @@ Of development worlds with plain labels: the noise that was put in, what the fit
 surprised by one frame ahead, and how far its free runs of 0.7 s are off in frames that no fit has seen.
 """
 
-import argparse
 import math
 import sys
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from model.gap.benchmark.labels import PLAIN, Label, open_labels
+from benchmarks.gap.development import healthy_worlds
+from model.gap.benchmark.labels import Label
 from model.gap.forecast import forecast
 from model.gap.study import study
 from model.observation import read_observation
-
-HEALTHY = "null"
 
 
 @dataclass(frozen=True)
@@ -67,24 +63,15 @@ def measured(folder: Path, label: Label) -> Row:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print a table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("worlds", type=Path)
-    options = parser.parse_args(arguments)
-    if not (options.worlds / PLAIN).is_file():
-        parser.error(f"{options.worlds}: expected development worlds with {PLAIN}")
-    warnings.simplefilter("ignore")
-    torch.set_num_threads(1)
+    folder, labels = healthy_worlds(__doc__, arguments)
     rows = []
     print("| world | object | interaction | noise mm | moved mm | surprise mm | free run mm |")
     print("|---" * 7 + "|")
-    for label in open_labels(options.worlds):
-        if label["category"] == HEALTHY:
-            row = measured(options.worlds, label)
-            rows.append(row)
-            numbers = " | ".join(f"{value:.1f}" for value in row.lengths)
-            print(f"| {row.world} | {row.object} | {row.interaction} | {numbers} |", flush=True)
+    for label in labels:
+        row = measured(folder, label)
+        rows.append(row)
+        numbers = " | ".join(f"{value:.1f}" for value in row.lengths)
+        print(f"| {row.world} | {row.object} | {row.interaction} | {numbers} |", flush=True)
     for name in ("rope", "sheet", "solid"):
         some = [row.lengths for row in rows if row.object == name]
         if some:

@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from model.formats.parameters import scalar
+
 if TYPE_CHECKING:
     from model.bundle import TwinBundle
 
@@ -28,13 +30,11 @@ class Exporter(ABC):
         return f"{self.name}: the files do not have the effect {effect}: they move as the twin without it"
 
     def losses(self, twin: "TwinBundle") -> tuple[str, ...]:
-        """A line for each effect of the twin that the files do not have: to be told, and for a README."""
+        """A line for each thing of the twin that the files do not have: to be told, and for a README."""
         names = dict.fromkeys(effect.name for effect in twin.effects)
-        lost = tuple(self.lost(name) for name in names if name not in self.expressed)
-        decay = twin.parameters.globals.get("bending_decay")
-        if decay is None or not decay.value:
-            return lost
-        return (
-            *lost,
-            f"{self.name}: the files have no bending_decay: zigzags of neighbours go on for longer",
-        )
+        lost = [self.lost(name) for name in names if name not in self.expressed]
+        if scalar(twin.parameters, "bending_decay", 0.0):
+            lost.append(
+                f"{self.name}: the files have no bending_decay: zigzags of neighbours go on for longer"
+            )
+        return tuple(lost)

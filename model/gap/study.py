@@ -73,14 +73,25 @@ def study(observation: Observation, twin: PlainTwin | None = None) -> Study:
         twin: What it is compared with; None: made from the observation's first frame.
     """
     twin = twin or PlainTwin.of(body_of(observation), observation)
+    noise = noise_of(observation)
+    misfit, start = misfit_of(twin, observation, noise)
+    base, split = best_fit(misfit, start), misfit.span.last + 1
+    return Study(observation, misfit.hypothesis, misfit.observer, misfit, start, base, noise, split)
+
+
+def misfit_of(twin: PlainTwin, observation: Observation, noise: float) -> tuple[Misfit, dict[str, float]]:
+    """Of a plain twin over the frames that fits see, and the parameters that the twin came with.
+
+    Args:
+        twin: Before any fit.
+        observation: What really moved.
+        noise: Standard deviation of the measured places [m].
+    """
     plain = Hypothesis(twin)
     start = {name: quantity.start for name, quantity in plain.quantities.items()}
     observer = Observer(observation, plain.at(start), PATIENCE)
-    noise = noise_of(observation)
-    split = max(3, round((1.0 - HELD_OUT) * len(observation.times)))
-    misfit = Misfit(plain, observer, Span(0, split - 1), max(noise, LEAST_NOISE))
-    base = best_fit(misfit, start)
-    return Study(observation, plain, observer, misfit, start, base, noise, split)
+    last = max(3, round((1.0 - HELD_OUT) * len(observation.times))) - 1
+    return Misfit(plain, observer, Span(0, last), max(noise, LEAST_NOISE)), start
 
 
 def best_fit(misfit: Misfit, start: dict[str, float]) -> Estimate:

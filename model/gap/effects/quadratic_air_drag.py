@@ -11,7 +11,7 @@ from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_o
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
-from model.simulator.forces.vectors import Vector, dot
+from model.simulator.forces.vectors import Vector, dot, times
 from model.simulator.parameters import Constant, TensorLike
 
 SLOWEST = 1e-6
@@ -43,7 +43,7 @@ class AirDrag(StencilForce):
         """Force [N] on the point."""
         own = velocities[0]
         speed = torch.sqrt(dot(own, own) + SLOWEST**2)
-        return (tuple(-coefficient * speed * part for part in own),)
+        return (times(-coefficient * speed, own),)
 
 
 class QuadraticAirDrag(Effect):

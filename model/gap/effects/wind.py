@@ -14,7 +14,7 @@ from model.gap.heading import turned_level
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
-from model.simulator.forces.vectors import Vector, dot
+from model.simulator.forces.vectors import Vector, dot, minus, times
 from model.simulator.parameters import Constant, TensorLike
 
 
@@ -55,9 +55,9 @@ class Wind(StencilForce):
         velocities: tuple[Vector, ...], coefficient: Scalar, x: Scalar, y: Scalar, z: Scalar
     ) -> tuple[Vector, ...]:
         """Force [N] on the point."""
-        seen = tuple(air - own for air, own in zip((x, y, z), velocities[0], strict=True))
+        seen = minus((x, y, z), velocities[0])
         speed = torch.sqrt(dot(seen, seen) + SLOWEST**2)
-        return (tuple(coefficient * speed * part for part in seen),)
+        return (times(coefficient * speed, seen),)
 
 
 class SteadyWind(Effect):

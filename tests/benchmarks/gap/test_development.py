@@ -1,0 +1,21 @@
+"""Which worlds a benchmark of healthy ones is about."""
+
+import json
+
+import pytest
+
+from benchmarks.gap.development import healthy_worlds
+
+
+def test_healthy_worlds_of_open_labels_alone(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("torch.set_num_threads", lambda count: None)  # of this process, which has other tests
+    with pytest.raises(SystemExit) as ended:
+        healthy_worlds("Of what.", [str(tmp_path)])
+    assert ended.value.code == 2
+    assert "expected development worlds with labels.json" in capsys.readouterr().err
+    rest = {"effects": [], "accepted": []}
+    labels = [{"world": name, "category": what, **rest} for name, what in (("a", "null"), ("b", "single"))]
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    folder, healthy = healthy_worlds("Of what.", [str(tmp_path)])
+    assert folder == tmp_path
+    assert [label["world"] for label in healthy] == ["a"]
