@@ -7,7 +7,7 @@ from model.gap.size import size_of
 from model.simulator.forces.bending import Bending
 from model.simulator.structure import rows, spans, turns
 
-SLIGHT = {"rope": 2e-6, "sheet": 2e-4}
+SLIGHT = {"rope": 2e-6, "sheet": 7e-4}
 """Of a rope over weight times length squared, of a sheet over weight times length times spacing: as of thin
 cotton, which 1 to 5 % of its length bend under their own weight."""
 

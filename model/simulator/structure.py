@@ -12,19 +12,23 @@ STRAIGHTEST = np.cos(np.deg2rad(30.0))
 """Two springs that meet make a row where they turn by less than this."""
 LONGEST = 2.0
 """Longest side of a cell, in spacings."""
+NEAR = 1.5
+"""Springs between neighbours are no longer than this, over how far a point usually is from its nearest."""
 FLATTEST = 0.02
 """Least volume of a cell, in cubed spacings: a regular tetrahedron has 0.118."""
 
 
 def rows(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[Array, "S 3"]:
-    """Triples of points in a row, the middle one second.
+    """Triples of neighbours in a row, the middle one second.
 
     Each spring end is continued by the spring that goes on most nearly straight, if any does so within 30°.
+    Springs that reach over a neighbour make no row: they would bend along with those that do.
 
     Args:
         points: At rest [m].
         springs: Pairs of points.
     """
+    springs = between_neighbours(points, springs)
     if not len(springs):
         return np.zeros((0, 3), np.int64)
     ends = np.concatenate([springs, springs[:, ::-1]])
@@ -43,6 +47,22 @@ def rows(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[A
             pair = sorted((int(other[begin + i]), int(other[begin + best[i]])))
             found.add((pair[0], int(middle[begin]), pair[1]))
     return np.array(sorted(found), np.int64).reshape(-1, 3)
+
+
+def between_neighbours(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[Array, "F 2"]:
+    """Springs of a graph without those that reach over a neighbour.
+
+    Args:
+        points: At rest [m].
+        springs: Pairs of points.
+    """
+    if not len(springs):
+        return springs
+    length = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
+    shortest = np.full(len(points), np.inf)
+    np.minimum.at(shortest, springs.ravel(), np.repeat(length, 2))
+    near: Int64[Array, "F 2"] = springs[length <= NEAR * np.median(shortest[np.isfinite(shortest)])]
+    return near
 
 
 def turns(points: Float64[Array, "N 3"], triples: Int64[Array, "S 3"]) -> Float64[Array, " S"]:

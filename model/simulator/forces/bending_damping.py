@@ -69,7 +69,7 @@ class BendingDamping(StencilForce):
     def calming(
         cls, points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"], mass: float, decay: float
     ) -> "BendingDamping":
-        """For all rows of a graph: waves of alternating neighbours die out at this rate.
+        """For all rows of neighbours in a graph: waves of alternating neighbours die out at this rate.
 
         Dashpots act along springs, so nothing else resists such a zigzag, which pressing together sets off.
         Waves of n points die out at (π/n)⁴ of the rate: what is larger than a few points hardly feels it.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.simulator.structure import cells, rows, spans, turns
+from model.simulator.structure import between_neighbours, cells, rows, spans, turns
 
 
 def test_a_chain_is_one_row():
@@ -25,6 +25,23 @@ def test_a_bend_turns():
     points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.1 + 0.1 * np.cos(angle), 0.1 * np.sin(angle), 0]])
     triples = rows(points, np.array([[0, 1], [1, 2]]))
     np.testing.assert_allclose(turns(points, triples), 2 * np.tan(angle / 2))
+
+
+def test_springs_that_reach_over_a_neighbour_are_not_between_neighbours():
+    points = np.stack([0.1 * np.arange(6), np.zeros(6), np.zeros(6)], -1)
+    chain, over = ([[i, i + by] for i in range(6 - by)] for by in (1, 2))
+    both = np.array([*chain, *over])
+    assert between_neighbours(points, both).tolist() == chain
+    assert rows(points, both).tolist() == rows(points, np.array(chain)).tolist()
+
+
+def test_points_without_springs_have_no_neighbours():
+    assert between_neighbours(np.zeros((3, 3)), np.zeros((0, 2), np.int64)).shape == (0, 2)
+
+
+def test_a_point_that_nothing_holds_does_not_matter():
+    points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0], [9.0, 0, 0]])
+    assert between_neighbours(points, np.array([[0, 1], [1, 2], [0, 2]])).tolist() == [[0, 1], [1, 2]]
 
 
 def test_cells_fill_a_block():
