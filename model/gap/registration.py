@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
 from model.gap.bodies.first import first_places
+from model.gap.size import size_of
 from model.types import Array, Observation
 
 SIZES = (0.2, 3.0)
@@ -62,7 +63,7 @@ def onto_twin(observation: Observation, points: Float64[Array, "P 3"], spacing: 
     seen = seen[np.isfinite(seen[:, 0])]
     if not len(seen):
         raise InputError("points: none is ever seen: nothing to lay on the twin")
-    size, other = _size(seen), _size(points)
+    size, other = (max(size_of(places), 1e-9) for places in (seen, points))
     if len(seen) > 2 and not SIZES[0] <= size / other <= SIZES[1]:
         hint = (
             ": another unit?" if max(size / other, other / size) > 100 else ": is it the twin of this object?"
@@ -179,10 +180,6 @@ def moved(observation: Observation, motion: Motion) -> Observation:
         ground_height=ground,
         gravity=(x, y, z),
     )
-
-
-def _size(points: Float64[Array, "N 3"]) -> float:
-    return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-9)
 
 
 def _lies_on(distance: Float64[Array, " N"], spacing: float) -> bool:

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float, Float64, Int
 from torch import Tensor
 
+from model.gap.size import size_of
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.forces.base import ForceTerm
 from model.simulator.forces.gravity import Gravity
@@ -67,7 +68,7 @@ class World:
         """Median length of the springs at rest [m]; the size of the object where there is none."""
         points = self.system.points
         if not len(self.system.springs):
-            return float((points.amax(0) - points.amin(0)).norm())
+            return size_of(points.double().numpy())
         ends = points[self.system.springs]
         return float((ends[:, 1] - ends[:, 0]).norm(dim=-1).median())
 
