@@ -184,15 +184,16 @@ def _seen(misfit: Misfit) -> Array:
 def _sensor_ways(study: Study, misfit: Misfit) -> list[Float64[Array, " m"]]:
     """What a scale, a shear or a drift of the sensor would do, as far as the observer lets it through."""
     points = study.observer.places.numpy().astype(np.float64)
-    seen = _seen(misfit)
-    moved = np.where(study.observer.seen.numpy()[..., None], points - points[0], 0.0)
+    seen, there = _seen(misfit), study.observer.seen.numpy()[..., None]
+    # from where each was at first, seen then or not: what is measured from the origin would change with it
+    moved = np.where(there, points - np.nan_to_num(first_places(study.observation)), 0.0)
     times = study.observation.times
     gain = 1.0 - np.exp(-np.diff(times, prepend=times[0]) / study.observer.patience)
     passed = np.zeros_like(moved)
     kept = np.zeros_like(moved[0])
     for t in range(1, len(times)):
-        kept = kept + gain[t] * (moved[t] - kept)
-        passed[t] = moved[t] - kept
+        kept = np.where(there[t], kept + gain[t] * (moved[t] - kept), kept)
+        passed[t] = np.where(there[t], moved[t] - kept, 0.0)
     ways = []
     for source in range(3):
         for target in range(3):

@@ -9,6 +9,7 @@ from model.gap.effects import GravityTilt, QuadraticAirDrag
 from model.gap.estimate import Misfit, Span
 from model.gap.evidence import BLOCKS, UNSHARED, Column, gather
 from model.gap.heading import heading
+from model.gap.observer import Observer
 from model.gap.probes import probes
 from model.gap.signs import SIGN_NAMES, signs_of
 
@@ -78,6 +79,23 @@ def test_what_is_missing_foretells_most(gathered):
 def test_where_nothing_is_missing_nothing_foretells(short, studied):
     signs = signs_of(gather(studied(short), TRIED), "rope", 1.0, False)
     assert signs.each[:, SIGN_NAMES.index("foretold")].max() < 0.1
+
+
+def test_sensors_err_alike_wherever_the_origin_is(short, studied):
+    """Also of points that are hidden at first, and of ones that are lost for a while."""
+    sensed = []
+    for way in (np.zeros(3, np.float32), np.array([5.0, -2.0, 1.0], np.float32)):
+        moved = replace(short, points=short.points + way, controllers=short.controllers + way)
+        study = studied(moved)
+        points = study.observation.points.copy()
+        points[0, 5], points[6:9, 2] = np.nan, np.nan
+        seen = replace(study.observation, points=points)
+        observer = Observer(seen, study.plain.at(study.start), study.observer.patience)
+        misfit = Misfit(study.plain, observer, Span(0, len(seen.times) - 1), study.noise)
+        evidence = gather(replace(study, observation=seen, observer=observer, misfit=misfit), ())
+        sensor = evidence.of("sensor")
+        sensed.append(evidence.grams[:, sensor][:, :, sensor])
+    np.testing.assert_allclose(*sensed, rtol=0.02, atol=1e-3 * np.abs(sensed[0]).max())
 
 
 def test_without_a_hand_there_is_no_column_of_one(short, studied):
