@@ -1,13 +1,12 @@
 """Fit a twin with effects as long as the plain one is fitted, and judge both by what no fit has seen."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from jaxtyping import Float64
 from scipy.stats import t as student
 
+from model.gap.acts_on import Acting
 from model.gap.blocks import block_length, blocks_of, correlation_time, independent_share, jackknife
 from model.gap.effects.base import Effect, Field
 from model.gap.estimate import LOOSE, Coordinates, Estimate, Misfit, estimate
@@ -17,8 +16,6 @@ from model.gap.study import STEPS, Study
 from model.gap.world import World
 from model.types import Array
 
-STRENGTHS = (1.0, 0.25, 4.0, 0.03)
-"""Of what an effect starts from: a screen knows its size roughly."""
 PROMISING, FURTHER = 0.9, 12
 """A fit that leaves less than this share of what the plain twin does is followed for so many steps more."""
 FREEDOM = 4.0
@@ -71,7 +68,7 @@ def confirm(
     study: Study,
     plain: Fitted,
     effects: tuple[Effect, ...],
-    start_values: Mapping[str, float],
+    start: Float64[Array, " d"],
     where: Field | None = None,
 ) -> Confirmed:
     """Fit the twin's own parameters and those of effects together.
@@ -80,11 +77,11 @@ def confirm(
         study: The plain twin's first fit, from which this one starts.
         plain: What `refit` made of it: the one to be beaten.
         effects: One, or two that are at work together.
-        start_values: By `effect.quantity`; those that are not given start where their effect says.
+        start: Coordinates of the twin's own parameters and the effects' (`search`).
         where: How strongly they act on each mass point, 0..1; None: on all alike.
     """
     hypothesis = replace(study.plain, effects=effects, where=where)
-    found = fitted(study, hypothesis, _start(study, study.misfit.of(hypothesis), start_values))
+    found = fitted(study, hypothesis, start)
     if found.estimate.cost < PROMISING * plain.estimate.cost:
         found = further(study, found)
     own = [name for name in found.estimate.values if name not in study.plain.quantities]
@@ -96,6 +93,31 @@ def confirm(
         intervals(study, found, own),
         at_bound(found, own),
     )
+
+
+def localised(study: Study, plain: Fitted, everywhere: Confirmed, place: Acting) -> Confirmed:
+    """One effect fitted again where it acts, if that is a part of the object and leaves less.
+
+    Args:
+        study: The plain twin's first fit.
+        plain: What `refit` made of it.
+        everywhere: The effect on all alike.
+        place: Where it was found to act.
+    """
+    if place.where is None:
+        return everywhere
+    (effect,) = everywhere.hypothesis.effects
+    values, amplitudes = everywhere.estimate.values, [f"{effect.name}.{name}" for name in effect.absent]
+    misfit = study.misfit.of(replace(everywhere.hypothesis, where=place.where))
+    starts = np.stack(
+        [
+            misfit.coordinates.vector({**values, **{name: by * values[name] for name in amplitudes}})
+            for by in (1.0, place.scale**0.5, place.scale)
+        ]
+    )
+    start = starts[int((misfit(starts) ** 2).mean(1).argmin())]
+    local = confirm(study, plain, (effect,), start, place.where)
+    return local if local.estimate.cost < everywhere.estimate.cost else everywhere
 
 
 def fitted(study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"], steps: int = STEPS) -> Fitted:
@@ -117,24 +139,6 @@ def further(study: Study, found: Fitted) -> Fitted:
     """
     more = fitted(study, found.hypothesis, found.estimate.vector, FURTHER)
     return more if more.estimate.cost < found.estimate.cost else found
-
-
-def _start(study: Study, misfit: Misfit, start_values: Mapping[str, float]) -> Float64[Array, " d"]:
-    """The strengths of the effects that would leave least, were the plain twin's parameters to follow."""
-    hypothesis = misfit.hypothesis
-    usual = {name: quantity.start for name, quantity in hypothesis.quantities.items()}
-    first = {**usual, **study.base.values, **start_values}
-    strengths = [[f"{effect.name}.{name}" for name in effect.absent] for effect in hypothesis.effects]
-    starts = []
-    for factors in product(STRENGTHS, repeat=len(strengths)):
-        scaled = {name: by * first[name] for by, own in zip(factors, strengths, strict=True) for name in own}
-        starts.append(misfit.coordinates.vector({**first, **scaled}))
-    left = misfit(np.stack(starts))
-    jacobian = study.base.jacobian
-    believed = np.eye(jacobian.shape[1]) / LOOSE**2
-    slopes = left @ jacobian
-    explained = (slopes * np.linalg.solve(jacobian.T @ jacobian + believed, slopes.T).T).sum(1)
-    return starts[int(((left**2).sum(1) - explained).argmin())]
 
 
 def evidence(study: Study, plain: Forecast, other: Forecast) -> float:

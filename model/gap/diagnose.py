@@ -3,14 +3,12 @@
 import warnings
 from collections.abc import Callable, Mapping
 
-import numpy as np
-
-from model.gap.acts_on import Acting, acting
+from model.gap.acts_on import acting
 from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
 from model.gap.closure import closure
 from model.gap.closure import transfer as closed_there
-from model.gap.confirm import Confirmed, Fitted, confirm, refit
+from model.gap.confirm import Confirmed, Fitted, confirm, localised, refit
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence, gather
@@ -18,7 +16,8 @@ from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
-from model.gap.signs import SIGN_NAMES, Signs, signs_of
+from model.gap.search import Begun, begun, searched, values_of
+from model.gap.signs import Signs, signs_of
 from model.gap.size import size_of
 from model.gap.study import Study, study
 from model.gap.transfer import Transferred, transferred
@@ -29,8 +28,8 @@ from model.simulator.kernel.threads import kernel_threads, usable_cores
 from model.simulator.pace import StabilityWarning
 from model.types import Observation
 
-CONFIRMED, EXPLAINING = 3, 2
-"""Effects that are fitted: the likeliest ones, and those that explain most."""
+LIKELIEST, EXPLAINING = 2, 4
+"""Effects that are fitted: the likeliest ones, and those that explain most after a step."""
 SEEN = 0.98
 """An effect that leaves more than this share of what the plain twin does is not there to be seen."""
 BETTER = 0.95
@@ -71,22 +70,23 @@ def _diagnosed(
     other = None if transfer is None else transferred(fitted, transfer)
     tell("screen", 0.2)
     able = able_effects(fitted)
-    evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.2 * share))
+    evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.1 * share))
     if other is not None:
         again = other.study(fitted)
-        shown = gather(again, able_effects(again), lambda share: tell("screen", 0.4 + 0.2 * share))
+        shown = gather(again, able_effects(again), lambda share: tell("screen", 0.3 + 0.1 * share))
         evidence = evidence.joined(shown)
     body = fitted.plain.twin.body
     signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)
-    tell("confirm", 0.6)
+    begins = searched(fitted, able, lambda share: tell("screen", 0.4 + 0.15 * share))
+    tell("confirm", 0.55)
     plain = refit(fitted)
-    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, other)
+    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, begins, other)
     tell("ceiling", 0.8)
     flexible = ceiling(fitted, plain)
     tell("where", 0.9)
     there = None if other is None else closed_there(fitted, other, plain, tried.chosen, flexible)
     here = closure(fitted, plain, tried.chosen, flexible)
-    found = Found(fitted, plain, tried, signs, evidence, locate(fitted), _acting(fitted, tried), here, there)
+    found = Found(fitted, plain, tried, signs, evidence, locate(fitted), here, there)
     tell("report", 0.97)
     return Diagnosis(found.findings(), found.records(), found.own_values())
 
@@ -98,12 +98,12 @@ def _tried(
     signs: Signs,
     evidence: Evidence,
     able: list[Effect],
+    begins: Mapping[EffectName, Begun],
     other: Transferred | None,
 ) -> Tried:
     effects = {effect.name: effect for effect in able}
-    starts = _starts(signs, evidence)
     confirmed = {
-        name: confirm(fitted, plain, (effects[name],), starts[name]) for name in _likely(first, signs)
+        name: confirm(fitted, plain, (effects[name],), begins[name].vector) for name in _likely(first, begins)
     }
     verdict = first.doubting(confirmed, plain)
     if other is not None:
@@ -111,36 +111,42 @@ def _tried(
         verdict = verdict.puzzled(*_astray(fitted, other, plain))
     best = verdict.effect
     if best is None:
-        return Tried(verdict, confirmed, None, None)
+        return Tried(verdict, confirmed, None, None, None)
+    effect = effects[best]
     if best not in confirmed:
-        confirmed[best] = confirm(fitted, plain, (effects[best],), starts[best])
+        confirmed[best] = confirm(fitted, plain, (effect,), begins[best].vector)
     second = second_of(verdict, signs, evidence)
+    both = None
     if second is not None and second != best:
-        both = confirm(fitted, plain, (effects[best], effects[second]), {**starts[best], **starts[second]})
+        values = {**confirmed[best].estimate.values, **values_of(fitted, effects[second], begins[second])}
+        pair = effect, effects[second]
+        both = confirm(fitted, plain, pair, begun(fitted, pair, [values]).vector)
         alone = min(confirmed[best].foretold.error, plain.foretold.error)
-        if both.foretold.error < BETTER * alone and both.evidence > confirmed[best].evidence:
-            return Tried(verdict, confirmed, second, both)
-    return Tried(verdict, confirmed, None, confirmed[best])
+        if both.foretold.error >= BETTER * alone or both.evidence <= confirmed[best].evidence:
+            both = None
+    place = acting(fitted, confirmed[best].estimate, effect)
+    if both is not None:
+        return Tried(verdict, confirmed, second, both, place)
+    confirmed[best] = localised(fitted, plain, confirmed[best], place)
+    return Tried(verdict, confirmed, None, confirmed[best], place)
 
 
-def _likely(first: Judged, signs: Signs) -> list[EffectName]:
-    """Those that the jury ranks first, and those that explain most where they are fitted."""
-    ranked = [name for name in first.ranked if name in signs.names][:CONFIRMED]
-    gain = signs.each[:, SIGN_NAMES.index("gain")]
-    most = [signs.names[i] for i in np.argsort(-gain, kind="stable")[:EXPLAINING]]
-    return list(dict.fromkeys([*ranked, *most]))
+def _likely(first: Judged, begins: Mapping[EffectName, Begun]) -> list[EffectName]:
+    """Those that the jury ranks first, and those that leave least after a step."""
+    ranked = [name for name in first.ranked if name in begins][:LIKELIEST]
+    return list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
 
 
 def _supports(
     other: Transferred, plain: Fitted, confirmed: Mapping[EffectName, Confirmed]
 ) -> dict[EffectName, float]:
-    """What speaks for each effect in both recordings; parameters of effects are fitted to the first alone.
+    """What speaks for each effect in both recordings; in the other it is as strong as the first one tells.
 
     One that explains nothing in the first is not tried in the other: there is no strength to try it with.
     """
     here, there = plain.estimate.cost, other.left(plain)
     return {
-        name: support((here, one.estimate.cost), (there, other.left(one)))
+        name: support((here, one.estimate.cost), (there, other.left(one, one.intervals)))
         if one.estimate.cost < SEEN * here
         else 0.0
         for name, one in confirmed.items()
@@ -152,19 +158,3 @@ def _astray(fitted: Study, other: Transferred, plain: Fitted) -> tuple[float, fl
     size = size_of(plain.world.system.points.double().numpy())
     there = other.forecast(fitted.plain, plain.estimate.values)
     return plain.foretold.error / size, there.error / size
-
-
-def _starts(signs: Signs, evidence: Evidence) -> dict[str, dict[str, float]]:
-    """Where a fit of each effect begins: the values of the probe that foretold most."""
-    return {
-        name: {f"{name}.{quantity}": value for quantity, value in evidence.columns[probe].values.items()}
-        for name, probe in zip(signs.names, signs.probe.tolist(), strict=True)
-    }
-
-
-def _acting(fitted: Study, tried: Tried) -> Acting | None:
-    if tried.chosen is None:
-        return None
-    effect = tried.chosen.hypothesis.effects[0]
-    alone = next(one for one in tried.confirmed.values() if one.hypothesis.effects[0].name == effect.name)
-    return acting(fitted, alone.estimate, effect)

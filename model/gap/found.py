@@ -43,6 +43,14 @@ class Tried:
     second: EffectName | None
     chosen: Confirmed | None
     """Of the verdict, with one effect or two; None: it names none."""
+    acting: Acting | None
+    """Where the verdict's effect acts."""
+
+    def fit_of(self, name: EffectName) -> Confirmed | None:
+        """The fit that an effect's numbers are of: the verdict's, if it is one of its effects."""
+        if self.chosen is not None and any(effect.name == name for effect in self.chosen.hypothesis.effects):
+            return self.chosen
+        return self.confirmed.get(name)
 
 
 @dataclass(frozen=True)
@@ -56,8 +64,6 @@ class Found:
     signs: Signs
     evidence: Evidence
     located: Located
-    acting: Acting | None
-    """None: the verdict has no effect."""
     here: Closed
     there: Closed | None
     """On another interaction; None: there is none."""
@@ -84,7 +90,7 @@ class Found:
                 frames=tuple(self.located.frames.tolist()),
                 parts=self.located.parts,
                 phases=self.located.phases,
-                acts_on=(0.0,) * count if self.acting is None else tuple(self.acting.points.tolist()),
+                acts_on=(0.0,) * count if tried.acting is None else tuple(tried.acting.points.tolist()),
             ),
             sources=sources(self.here.closure, self.study, left, effects),
             warnings=self._warnings(),
@@ -93,11 +99,11 @@ class Found:
     def _finding(self, name: EffectName) -> EffectFinding:
         chance = self.tried.verdict.chances[name]
         same = alike(self.evidence, self.signs, name)
-        one = self.tried.confirmed.get(name)
+        one = self.tried.fit_of(name)
         if one is None:
             return EffectFinding(name=name, probability=chance, confused_with=same)
         values = one.estimate.values
-        effect = one.hypothesis.effects[0]
+        (effect,) = (effect for effect in one.hypothesis.effects if effect.name == name)
         parameters = {
             quantity: FittedQuantity(
                 value=values[f"{name}.{quantity}"],

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float64
 
 from model.gap.noise import noise_of
 from model.types import Array, Observation
@@ -42,7 +42,7 @@ def let_go(observation: Observation) -> int:
     hand = _farthest(observation.controllers.astype(np.float64))[:end].max()
     if hand > max(limit, MOVED * float(away[:end].max())):
         return 0
-    return last if _falls(observation, last, end) else 0
+    return last if _falls(observation, last, end, limit) else 0
 
 
 def after_let_go(observation: Observation) -> Observation:
@@ -64,15 +64,19 @@ def _farthest(places: Float64[Array, "T n 3"]) -> Float64[Array, " T"]:
     return away
 
 
-def _falls(observation: Observation, last: int, end: int) -> bool:
-    """Whether what moves most begins to fall in the frames after the last still one."""
+def _falls(observation: Observation, last: int, end: int, limit: float) -> bool:
+    """Whether what moves most begins to fall in the frames after the last still one, farther than noise does."""
     gravity = np.asarray(observation.gravity, np.float64)
     pull = float(np.linalg.norm(gravity))
-    if pull == 0.0:
+    known = np.isfinite(observation.points[: last + 1, :, 0]).any(0)
+    if pull == 0.0 or not known.any():
         return False
-    fallen: Float[Array, "t N"] = (observation.points[last:end] - observation.points[0]) @ (gravity / pull)
+    points = observation.points[:, known].astype(np.float64)
+    before = np.nanmedian(points[: last + 1], axis=0)  # it was still: one frame alone has all its noise
+    fallen: Float64[Array, "t n"] = (points[last:end] - before) @ (gravity / pull)
+    lowest = np.nan_to_num(fallen, nan=-np.inf).max(1)
     spent = observation.times[last:end] - observation.times[last]
     few = slice(1, FEWEST + 1)
     # it is let go somewhere between two frames: of all that begin then, the fall is told by the fastest
     needed = 0.5 * FALL * pull * spent[few] ** 2
-    return bool((np.nanmax(fallen[few], axis=1) > needed).all())
+    return bool((lowest[few] > needed).all() and lowest[-1] > limit)

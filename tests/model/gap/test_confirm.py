@@ -5,12 +5,20 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+import torch
 
-from model.gap.confirm import confirm, fitted, further, refit
-from model.gap.effects import QuadraticAirDrag
+from model.gap.acts_on import acting
+from model.gap.confirm import confirm, fitted, further, localised, refit
+from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Effect, Quantity
+from model.gap.search import begun
 
+STIFFENING = "strain_stiffening.stiffening"
 DRAG = "quadratic_air_drag.drag_per_mass"
+
+
+def confirmed(study, plain, effects, values):
+    return confirm(study, plain, effects, begun(study, effects, [values]).vector)
 
 
 class Placebo(Effect):
@@ -39,7 +47,7 @@ def null(hung, studied):
 def test_what_was_planted_is_confirmed(dragged):
     plain = refit(dragged)
     assert plain.estimate.cost < dragged.base.cost
-    found = confirm(dragged, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
+    found = confirmed(dragged, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
     assert found.estimate.cost < 0.7 * plain.estimate.cost
     assert found.estimate.values[DRAG] == pytest.approx(4.0, rel=0.2)
     low, high = found.intervals[DRAG]
@@ -52,7 +60,7 @@ def test_what_was_planted_is_confirmed(dragged):
 
 def test_a_placebo_closes_nothing(dragged):
     plain = refit(dragged)
-    found = confirm(dragged, plain, (Placebo(),), {})
+    found = confirmed(dragged, plain, (Placebo(),), {})
     # the plain twin is followed further than what explains nothing: it may only be ahead
     assert 0.98 * plain.foretold.error < found.foretold.error < 1.05 * plain.foretold.error
     assert -2.0 < found.evidence < 1.0
@@ -62,7 +70,7 @@ def test_a_placebo_closes_nothing(dragged):
 
 def test_where_nothing_is_missing_nothing_is_found(null):
     plain = refit(null)
-    found = confirm(null, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
+    found = confirmed(null, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
     assert found.foretold.error == pytest.approx(plain.foretold.error, rel=0.05)
     assert found.evidence < 2.0
     assert found.estimate.values[DRAG] < 0.5
@@ -74,17 +82,34 @@ def test_an_absurd_amount_is_told(dragged):
     class Faint(QuadraticAirDrag):
         quantities: ClassVar = {"drag_per_mass": Quantity("1/m", (0.005, 1.0), 0.5, log=True)}
 
-    found = confirm(dragged, plain, (Faint(),), {DRAG: 0.5})
+    found = confirmed(dragged, plain, (Faint(),), {DRAG: 0.5})
     assert found.at_bound == (DRAG,)
     assert found.intervals[DRAG][1] <= 1.0 + 1e-9
 
 
 def test_two_effects_are_fitted_together(dragged):
     plain = refit(dragged)
-    found = confirm(dragged, plain, (QuadraticAirDrag(), Placebo()), {DRAG: 1.0})
+    found = confirmed(dragged, plain, (QuadraticAirDrag(), Placebo()), {DRAG: 1.0})
     assert set(found.intervals) == {DRAG, "placebo.amount"}
     assert found.estimate.values[DRAG] == pytest.approx(4.0, rel=0.2)
     assert np.isfinite(found.evidence)
+
+
+def test_what_acts_in_a_half_is_fitted_there(pulled, studied):
+    """On all alike a half that stiffens looks half as stiffening; a place that explains less is not taken."""
+    places = torch.from_numpy(studied(pulled).plain.twin.body.points)
+    left = (places[:, 0] < 0.15).double()
+    study = studied(pulled, (StrainStiffening(),), {STIFFENING: 60.0}, left, softer=1.0)
+    plain = refit(study)
+    everywhere = confirmed(study, plain, (StrainStiffening(),), {STIFFENING: 30.0})
+    place = acting(study, everywhere.estimate, StrainStiffening())
+    there = localised(study, plain, everywhere, place)
+    assert there.estimate.cost < 0.8 * everywhere.estimate.cost
+    assert there.hypothesis.where is place.where
+    assert there.foretold.error < everywhere.foretold.error
+    nowhere = torch.full_like(left, 1e-9)
+    assert localised(study, plain, everywhere, replace(place, where=nowhere)) is everywhere
+    assert localised(study, plain, everywhere, replace(place, where=None)) is everywhere
 
 
 def test_a_promising_fit_is_followed_to_its_end(dragged):

@@ -27,7 +27,7 @@ def sure(monkeypatch):
 
         monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
         monkeypatch.setattr("model.gap.meeting.ALL_EFFECTS", TRIED)
-        monkeypatch.setattr(module, "CONFIRMED", 1)
+        monkeypatch.setattr(module, "LIKELIEST", 1)
         monkeypatch.setattr("model.gap.study.STARTS", 6)
 
     return of

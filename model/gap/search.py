@@ -1,0 +1,123 @@
+"""Which effects are worth a fit, and where it begins: probes of many strengths, then one step from the best.
+
+What is clear is far from linear: a hand that is a third of a second late is foretold by no multiple of what a
+delay of 0.03 s does. So each effect is tried at sizes from faint to overwhelming before any is left out.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TypeAlias
+
+import numpy as np
+from jaxtyping import Float64
+
+from model.gap.effects.base import Effect
+from model.gap.estimate import LOOSE, STEPS, Misfit
+from model.gap.heading import heading
+from model.gap.probes import probes
+from model.gap.schema import EFFECT_NAMES
+from model.gap.study import Study
+from model.schema import EffectName
+from model.types import Array
+
+Progress: TypeAlias = Callable[[float], None]
+
+STRENGTHS = (0.04, 0.25, 1.0, 4.0, 16.0)
+"""Of what a probe is; so faint that hardly anything is different, too, for what is not at work."""
+SHARES = (1.0, 0.5, 0.2)
+"""Of a step, the best of which is taken: a whole one may lead across a kink."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Where a fit of a twin with effects may begin."""
+
+    vector: Float64[Array, " d"]
+    """Coordinates of the twin's own parameters and of the effects'."""
+    left: float
+    """Mean square of what is left unexplained, or of what would be, were the own parameters to follow."""
+
+
+def searched(
+    study: Study, effects: Sequence[Effect], progress: Progress | None = None
+) -> dict[EffectName, Begun]:
+    """Where a fit of each effect may begin, after a step; what leaves least first.
+
+    Args:
+        study: The fitted plain twin.
+        effects: To try, all able to act.
+        progress: Called with the share that is done.
+    """
+    # along the body, so that they are the same however it is turned
+    angle = heading(study.plain.twin.body.points)
+    tell = progress or (lambda share: None)
+    by_name = {name: effect for name in EFFECT_NAMES for effect in effects if effect.name == name}
+    found: dict[EffectName, Begun] = {}
+    for done, (name, effect) in enumerate(by_name.items()):
+        tell(done / len(by_name))
+        tried = [_named(effect, effect.turned(values, angle)) for values in probes(effect)]
+        found[name] = stepped(study, (effect,), begun(study, (effect,), tried))
+    return {name: found[name] for name in sorted(found, key=lambda name: found[name].left)}
+
+
+def begun(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str, float]]) -> Begun:
+    """The beginning that would leave least, were the plain twin's parameters to follow.
+
+    Args:
+        study: The fitted plain twin.
+        effects: One, or two that are at work together.
+        tried: Values by `effect.quantity`, each looked at in all strengths; what is not given starts where
+            its effect says.
+    """
+    misfit = _misfit(study, effects)
+    usual = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
+    strengths = [[f"{effect.name}.{name}" for name in effect.absent] for effect in effects]
+    starts: dict[tuple[float, ...], Float64[Array, " d"]] = {}
+    for values, factors in product(tried, product(STRENGTHS, repeat=len(effects))):
+        first = {**usual, **study.base.values, **values}
+        scaled = {name: by * first[name] for by, own in zip(factors, strengths, strict=True) for name in own}
+        vector = misfit.coordinates.vector({**first, **scaled})
+        starts.setdefault(tuple(vector.round(9)), vector)  # at a bound, several strengths are one
+    vectors = np.stack(list(starts.values()))
+    left = misfit(vectors)
+    jacobian = study.base.jacobian
+    slopes = left @ jacobian
+    explained = (slopes * np.linalg.solve(_normal(jacobian), slopes.T).T).sum(1)
+    squares = (left**2).sum(1) - explained
+    best = int(squares.argmin())
+    return Begun(vectors[best], float(squares[best]) / left.shape[1])
+
+
+def stepped(study: Study, effects: tuple[Effect, ...], start: Begun) -> Begun:
+    """After one Gauss-Newton step of all coordinates; where it was, if no share of the step leaves less."""
+    misfit = _misfit(study, effects)
+    low, high = misfit.coordinates.bounds
+    jacobian = misfit.jacobian(start.vector, STEPS[0])
+    here = misfit(start.vector[None])[0]
+    step = np.linalg.solve(_normal(jacobian), -jacobian.T @ here)
+    tried = np.clip(start.vector + np.outer(SHARES, step), low, high)
+    squares = (misfit(tried) ** 2).mean(1)
+    best = int(squares.argmin())
+    if squares[best] < float((here**2).mean()):
+        return Begun(tried[best], float(squares[best]))
+    return Begun(start.vector, float((here**2).mean()))
+
+
+def values_of(study: Study, effect: Effect, start: Begun) -> dict[str, float]:
+    """The effect's own values where a fit may begin, by `effect.quantity`."""
+    known = _misfit(study, (effect,)).coordinates.values(start.vector)
+    return {name: value for name, value in known.items() if name not in study.plain.quantities}
+
+
+def _misfit(study: Study, effects: tuple[Effect, ...]) -> Misfit:
+    return study.misfit.of(replace(study.plain, effects=effects))
+
+
+def _normal(jacobian: Float64[Array, "m d"]) -> Float64[Array, "d d"]:
+    normal: Float64[Array, "d d"] = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / LOOSE**2
+    return normal
+
+
+def _named(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    return {f"{effect.name}.{name}": value for name, value in values.items()}
