@@ -34,8 +34,8 @@ UNKNOWN = 1e-3
 def noise_of(observation: Observation) -> float:
     r"""Standard deviation of the measured places [m], from third differences in time, less the neighbours'.
 
-    Motion that is smooth over four frames, or that neighbours share, drops out. Of noise of standard deviation
-    σ whose correlation from frame to frame is m, differences over s frames leave
+    Motion that is smooth over four frames, or that neighbours share, drops out. Of noise of standard
+    deviation σ that is correlated by m from frame to frame, differences over s frames leave
     $\sigma^2 (20 - 30 m^s + 12 m^{2s} - 2 m^{3s})$: how they grow with s tells m. Motion grows faster, and
     would pass for memory, so the memory is the longest that exceeds at no s what was measured. It is at least
     none, which is the least noise for given differences.
@@ -66,10 +66,10 @@ def _near(observation: Observation) -> Int64[Array, "N k"]:
 def _squared(
     points: Float64[Array, "T N 3"], near: Int64[Array, "N k"], stride: int, least: int
 ) -> float | None:
-    """Of a coordinate's third difference over `stride` frames, the mean square [m²]; None: fewer than `least`.
+    """Mean square of a coordinate's third difference over `stride` frames [m²]; None: fewer than `least`.
 
-    Of those neighbours that are there the mean is taken off, which adds its own noise. Where few have any, the
-    differences are taken as they are.
+    The mean of those neighbours that are there is taken off, which adds its own noise. Where few have any,
+    the differences are taken as they are.
     """
     if len(points) <= 3 * stride:
         return None

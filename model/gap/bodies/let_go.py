@@ -65,7 +65,7 @@ def _farthest(places: Float64[Array, "T n 3"]) -> Float64[Array, " T"]:
 
 
 def _falls(observation: Observation, last: int, end: int, limit: float) -> bool:
-    """Whether what moves most begins to fall in the frames after the last still one, farther than noise does."""
+    """Whether what moves most falls in the frames after the last still one, farther than noise looks."""
     gravity = np.asarray(observation.gravity, np.float64)
     pull = float(np.linalg.norm(gravity))
     known = np.isfinite(observation.points[: last + 1, :, 0]).any(0)

@@ -67,3 +67,24 @@ def test_points_that_are_hidden_for_a_while_do_not_disturb(cantilever):
     points[10:20, 0] = np.nan
     points[:, 1] = np.nan
     assert abs(seen.times[let_go(replace(seen, points=points))] - 0.5) <= 0.011
+
+
+def test_noise_that_passes_the_limit_is_no_fall(cantilever):
+    """The hand holds it and it hangs still; of many noisy points one always seems to have fallen."""
+    seen = cantilever(held=0.5)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        points = np.repeat(np.repeat(seen.points[:1], 40, 1), len(seen.times), 0)
+        noise = rng.normal(0, 0.004, points.shape)
+        for frame in range(1, len(noise)):
+            noise[frame] = 0.8 * noise[frame - 1] + 0.6 * noise[frame]
+        noise[..., 2] *= 1.5
+        assert let_go(replace(seen, points=points + noise.astype(np.float32))) == 0
+
+
+def test_a_fall_is_told_through_noise(cantilever):
+    seen = cantilever(held=0.5)
+    points = np.repeat(seen.points[:1], len(seen.times), 0)
+    points[..., 2] -= 0.5 * 9.81 * np.maximum(seen.times - 0.5, 0.0).astype(np.float32)[:, None] ** 2
+    dropped = noisy(replace(seen, points=points, controllers=seen.controllers[:, :0]), 0.003)
+    assert abs(dropped.times[let_go(dropped)] - 0.5) <= 0.1
