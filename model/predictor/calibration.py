@@ -89,7 +89,7 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
 
 
 def _temperature(found: Tensor) -> float:
-    known = found[torch.isfinite(found)].abs().double().cpu().numpy()
+    known = found[torch.isfinite(found)].abs().cpu().double().numpy()  # not every device has doubles
     if len(known) < LEAST:
         return 1.0
     return float(np.clip(np.quantile(known, SHARE) / REACH, *LIMITS))

@@ -41,8 +41,9 @@ class LossWeights:
     globals: float = 0.3
 
     def total(self, terms: Mapping[str, Tensor]) -> Float[Tensor, ""]:
-        """The weighted sum of terms by the names above."""
-        return torch.stack([getattr(self, name) * value for name, value in terms.items()]).sum()
+        """The weighted sum of terms by the names above, where the first is: rollouts are on the processor."""
+        device = next(iter(terms.values())).device
+        return torch.stack([getattr(self, name) * value.to(device) for name, value in terms.items()]).sum()
 
 
 def belief_terms(prediction: Prediction, batch: Batch) -> dict[str, Tensor]:

@@ -77,3 +77,11 @@ def test_truths_that_are_not_known_do_not_count(network, make_case, sample_of):
     with torch.no_grad():
         assert bool(deviations(network(blind[0].sample), blind[0]).globals.isnan().all())
     assert calibrate(network, blind).friction == 1.0
+
+
+def test_a_device_without_doubles_is_left_before_they_are_made(network, make_case, sample_of, monkeypatch):
+    data, home, brought = batches(network, make_case, sample_of, error=2.0), torch.Tensor.cpu, []
+    with monkeypatch.context() as patch:
+        patch.setattr(torch.Tensor, "cpu", lambda self: brought.append(self.dtype) or home(self))
+        calibrate(network, data)
+    assert set(brought) == {torch.float32}
