@@ -41,6 +41,9 @@ recordings, where the odds of something unknown stay, and what changes them e-fo
 is missing, moved by MuJoCo or finite elements, none is farther off than 0.043 in both recordings."""
 MOST = (-1.0, 3.0)
 """Of what one recording may add to the support."""
+THERE = 3.0
+"""What the second recording adds is at most so many times what the first one shows. How strong an effect is
+that the first hardly shows is for the second to say, as of any that happens to fit it."""
 BESIDE, SECOND = 0.1, 0.2
 """A second effect has to explain this share beside the first, and to be this likely against it."""
 
@@ -112,17 +115,21 @@ class Judged:
         return Judged({name: chance / whole for name, chance in chances.items()})
 
 
-def support(*costs: tuple[float, float]) -> float:
-    """Of an effect by what it explains of several recordings: the sum of log(without / with).
+def support(here: tuple[float, float], there: tuple[float, float]) -> float:
+    """Of an effect by what it explains of both recordings: the sum of log(without / with).
 
     As for a likelihood whose noise is what remains: halves of what was left count the same, however much
     there was.
 
     Args:
-        costs: Mean squares that the refitted twin leaves without it and with it, of each recording.
+        here: Mean squares that the refitted twin leaves without it and with it, in the first recording.
+        there: The same in the second.
     """
-    logs = [np.log(max(without, 1e-12) / max(with_it, 1e-12)) for without, with_it in costs]
-    return float(np.clip(logs, *MOST).sum())
+    first, second = (
+        float(np.clip(np.log(max(without, 1e-12) / max(with_it, 1e-12)), *MOST))
+        for without, with_it in (here, there)
+    )
+    return first + min(second, THERE * max(first, 0.0))
 
 
 def judged(jury: Jury, signs: Signs) -> Judged:

@@ -16,6 +16,7 @@ from model.gap.verdict import (
     LIMITS,
     MOST,
     STEP,
+    THERE,
     UNTRIED,
     USUAL,
     Judged,
@@ -152,8 +153,15 @@ def test_support_is_what_both_recordings_lose_however_much_there_was():
     assert halved == pytest.approx(2.0 * np.log(2.0))
     assert support((40.0, 20.0), (1.0, 2.0)) == pytest.approx(0.0)
     # one recording in which a twin goes astray, or fits all too well, does not decide alone
-    assert support((1.0, 1e9), (4.0, 1.0)) == pytest.approx(MOST[0] + np.log(4.0))
-    assert support((1.0, 0.0)) == MOST[1]
+    assert support((4.0, 1.0), (1.0, 1e9)) == pytest.approx(MOST[0] + np.log(4.0))
+    assert support((1.0, 0.0), (1.0, 0.0)) == 2.0 * MOST[1]
+
+
+def test_what_the_first_recording_hardly_shows_the_second_does_not_decide():
+    faint = np.exp(0.04)
+    assert support((faint, 1.0), (2.0, 1.0)) == pytest.approx((1.0 + THERE) * 0.04)
+    assert support((1.0, 1.0), (9.0, 1.0)) == 0.0
+    assert support((1.0, faint), (9.0, 1.0)) == pytest.approx(-0.04)
 
 
 def test_what_the_other_interaction_confirms_is_believed_and_what_it_does_not_is_doubted():
