@@ -32,7 +32,7 @@ def check_diagnosable(observation: Observation, name: str) -> None:
         InputError: too little to see forces by - frames, points, time between frames -, gravity that points
             up, a ground above the object, or an object in the air that nothing holds and that does not fall.
     """
-    _check_enough(observation, name)
+    check_enough(observation, name)
     if observation.gravity[2] > 0.0:
         raise InputError(
             f"{name}: gravity: expected it to point down, found {observation.gravity[2]:g} m/s² along z: "
@@ -76,7 +76,16 @@ def check_transfer(observation: Observation, transfer: Observation, name: str) -
         )
 
 
-def _check_enough(observation: Observation, name: str) -> None:
+def check_enough(observation: Observation, name: str) -> None:
+    """Refuse what has too few frames, points or seconds in which something is seen.
+
+    Args:
+        observation: Within its contract.
+        name: What the message calls it.
+
+    Raises:
+        InputError: it has too few.
+    """
     times, seen = observation.times, np.isfinite(observation.points[..., 0])
     if len(times) < FRAMES:
         raise InputError(f"{name}: times: expected at least {FRAMES} frames to diagnose, found {len(times)}")

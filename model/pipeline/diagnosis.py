@@ -1,6 +1,5 @@
 """What a twin lacks of what really moved."""
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,13 +7,13 @@ from pathlib import Path
 from model.bundle import TwinBundle
 from model.doubts import collect_doubts
 from model.gap.bodies.body import body_of
-from model.gap.bodies.let_go import after_let_go
-from model.gap.diagnosable import check_diagnosable, check_transfer
+from model.gap.diagnosable import check_transfer
 from model.gap.diagnosis import Diagnosis
 from model.gap.given import given_twin
 from model.gap.plain import PlainTwin
 from model.gap.registration import moved_alike
 from model.gap.result import DiagnosisResult
+from model.gap.taken import Taken
 from model.observation import read_observation
 from model.stage_log import StageReport
 from model.types import Observation
@@ -38,7 +37,7 @@ def diagnose(
 
     report("observation", 0.0)
     with collect_doubts() as doubts:
-        seen = _diagnosable(observation)
+        seen = Taken.of(read_observation(observation), observation.name).observation
         other = None if transfer is None else _confirming(transfer, seen)
         bundle = None if twin is None else TwinBundle.load(twin)
         given = None if bundle is None else given_twin(bundle, seen)
@@ -50,22 +49,8 @@ def diagnose(
     return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle)
 
 
-def _diagnosable(path: Path) -> Observation:
-    observation = read_observation(path)
-    check_diagnosable(observation, path.name)
-    free = after_let_go(observation)
-    first = len(observation.times) - len(free.times)
-    if first:
-        warnings.warn(
-            f"{path.name}: something that is no controller holds the object still up to frame {first} and "
-            "lets it go: the frames before were left out",
-            stacklevel=2,
-        )
-    return free
-
-
 def _confirming(path: Path, seen: Observation) -> Observation:
-    transfer = _diagnosable(path)
+    transfer = Taken.of(read_observation(path), path.name).observation
     check_transfer(seen, transfer, path.name)
     return transfer
 

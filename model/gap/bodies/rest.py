@@ -75,7 +75,7 @@ def _friends(
         return others
     count = min(CANDIDATES, len(others))
     nearest = cKDTree(moving[frame, others]).query(moving[frame, i], k=count)[1]
-    near: Int64[Array, " c"] = others[nearest.reshape(-1)]
+    near: Int64[Array, " c"] = others[np.atleast_1d(nearest)]
     distance = np.linalg.norm(moving[:, near] - moving[:, i, None], axis=-1)
     distance[~(seen[:, near] & seen[:, i, None])] = np.nan
     middle = np.nanmedian(distance, 0)

@@ -86,6 +86,13 @@ def test_few_points_are_taken_as_they_are_seen(sheet):
     np.testing.assert_array_equal(rest_places(seen), first_places(seen))
 
 
+def test_where_nothing_is_seen_at_first_the_hand_alone_is_asked(sheet):
+    points = waved(sheet)
+    points[:20] = np.nan
+    hands = np.repeat(np.array([[[0.3, 0.0, 0.0]]]), FRAMES, 0)
+    assert np.isfinite(rest_places(observed(points, hands))).all()
+
+
 def test_the_order_of_points_does_not_matter(sheet):
     rng = np.random.default_rng(2)
     points = waved(sheet) + rng.normal(0, NOISE, (FRAMES, len(sheet), 3))

@@ -1,0 +1,77 @@
+"""What of a recording is diagnosed: the frames in which the object is seen, and nothing unseen holds it."""
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool
+
+from model.gap.bodies.let_go import let_go
+from model.gap.diagnosable import POINTS, check_diagnosable, check_enough
+from model.types import Array, Observation
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A recording, and what of it is diagnosed."""
+
+    whole: Observation
+    """As it came."""
+    observation: Observation
+    """What is diagnosed."""
+    first: int
+    """The frame of `whole` that it begins with."""
+
+    @classmethod
+    def of(cls, whole: Observation, name: str) -> "Taken":
+        """Take what can be diagnosed, and warn of what was left out.
+
+        A diagnosis begins with where object and hand are in the first frame, so that must be one in which the
+        object is seen.
+
+        Args:
+            whole: Within its contract.
+            name: What messages call it.
+
+        Raises:
+            InputError: as `check_diagnosable` does.
+        """
+        check_enough(whole, name)
+        seen = _shown(whole)
+        begin = int(seen.argmax())
+        taken = frames_of(whole, slice(begin, None))
+        held = let_go(taken)
+        taken = frames_of(taken, slice(held, None))
+        check_diagnosable(taken, name)
+        if begin:
+            warnings.warn(
+                f"{name}: fewer than {POINTS} points are seen in the first {_frames(begin)}: left out",
+                stacklevel=2,
+            )
+        if held:
+            warnings.warn(
+                f"{name}: something that is no controller holds the object still up to frame {begin + held} "
+                "and lets it go: the frames before were left out",
+                stacklevel=2,
+            )
+        return cls(whole, taken, begin + held)
+
+
+def frames_of(observation: Observation, frames: slice) -> Observation:
+    """Some frames of a recording."""
+    return replace(
+        observation,
+        times=observation.times[frames],
+        points=observation.points[frames],
+        controllers=observation.controllers[frames],
+    )
+
+
+def _shown(observation: Observation) -> Bool[Array, " T"]:
+    """Whether enough of the object is seen in a frame to say where it is."""
+    shown: Bool[Array, " T"] = np.isfinite(observation.points[..., 0]).sum(1) >= POINTS
+    return shown
+
+
+def _frames(count: int) -> str:
+    return "frame" if count == 1 else f"{count} frames"

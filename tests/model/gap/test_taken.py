@@ -1,0 +1,65 @@
+"""What of a recording is diagnosed, and what is said of the rest."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap.bodies.body import body_of
+from model.gap.taken import Taken
+from model.types import Observation
+
+FRAMES = 90
+
+
+@pytest.fixture
+def seen() -> Observation:
+    """A sheet of 64 points that a hand holds at one corner and carries along, 5 mm in each frame."""
+    u, v = np.meshgrid(np.linspace(0, 0.4, 8), np.linspace(0, 0.4, 8), indexing="ij")
+    places = np.stack([u, 0 * u, 1.0 - v], -1).reshape(-1, 3)
+    times = np.arange(FRAMES) / 30
+    way = np.stack([0.005 * np.arange(FRAMES), 0 * times, 0 * times], -1)[:, None]
+    noise = np.random.default_rng(0).normal(0, 0.001, (FRAMES, 64, 3))
+    return Observation(
+        times=times,
+        points=(places + way + noise).astype(np.float32),
+        controllers=(places[:1] + way).astype(np.float32),
+    )
+
+
+def blind(seen: Observation, *frames: slice) -> Observation:
+    """Nothing is seen in some frames."""
+    points = seen.points.copy()
+    for some in frames:
+        points[some] = np.nan
+    return replace(seen, points=points)
+
+
+def test_what_is_seen_from_the_start_is_taken_whole(seen):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        taken = Taken.of(seen, "o.npz")
+    assert taken.first == 0
+    np.testing.assert_array_equal(taken.observation.points, seen.points)
+
+
+@pytest.mark.parametrize("hands", [0, 1, 2])
+def test_a_recording_begins_when_the_object_is_seen(seen, hands):
+    """The body is built where it is seen at first, and the hand is where it is then."""
+    held = np.repeat(seen.controllers, 2, axis=1)[:, :hands]
+    ground = 0.55 if hands == 0 else None
+    whole = replace(blind(seen, slice(0, 20)), controllers=held, ground_height=ground)
+    points = whole.points.copy()
+    points[20, 2:] = np.nan
+    whole = replace(whole, points=points)
+    with pytest.warns(
+        UserWarning, match=r"^o\.npz: fewer than 3 points are seen in the first 21 frames: left"
+    ):
+        taken = Taken.of(whole, "o.npz")
+    assert taken.first == 21
+    assert taken.observation.times[0] == whole.times[21]
+    assert len(taken.observation.controllers) == len(taken.observation.points) == FRAMES - 21
+    body = body_of(taken.observation)
+    np.testing.assert_allclose(body.points.mean(0), seen.points[21].mean(0), atol=0.01)
+    assert set(body.grip[:, 0]) == set(range(hands))
