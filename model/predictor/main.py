@@ -171,16 +171,11 @@ class TrainingCLI(LightningCLI):
         if self.subcommand == "fit":
             board = TensorBoardLogger(out, name="", version=_next_version(out))
             kwargs["logger"] = [board, CSVLogger(out, name="", version=board.version)]
+            checkpoints = self._checkpoints(Path(board.log_dir))
             callbacks = [
                 KeepFigures(),
-                ModelCheckpoint(
-                    dirpath=self._checkpoints(Path(board.log_dir)),
-                    filename="best",
-                    monitor=BEST,
-                    save_last=True,
-                    save_on_train_epoch_end=True,
-                    enable_version_counter=False,
-                ),
+                _every_epoch(checkpoints, "best", BEST),  # before the last, which remembers it
+                _every_epoch(checkpoints, "last"),
                 LearningRateMonitor("epoch"),
                 Export(self._get(self.config_init, "export"), self._written()),
             ]
@@ -269,6 +264,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         hint = "set MATPHYS_DEBUG=1 for the traceback"
         return _fail(f"matphys: internal error: {type(error).__name__}: {error} ({hint})", OUR_FAULT)
     return DONE
+
+
+def _every_epoch(folder: Path, name: str, monitor: str | None = None) -> ModelCheckpoint:
+    """After every epoch write NAME.ckpt; with a monitor, where that is less than it ever was."""
+    # not its save_last, which writes nothing in an epoch that is not the best
+    return ModelCheckpoint(
+        dirpath=folder,
+        filename=name,
+        monitor=monitor,
+        every_n_epochs=1,
+        save_on_train_epoch_end=True,
+        enable_version_counter=False,
+    )
 
 
 def _figures(trainer: Trainer) -> dict[str, float]:
