@@ -6,6 +6,8 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.first import first_places
+from model.gap.study import HELD_OUT, PATIENCE
+from model.gap.transfer import LOOKED_AT, SETTLING
 from model.observation_doubts import LONG_STEP, SHORT, hangs, object_size
 from model.types import Array, Observation
 
@@ -13,6 +15,9 @@ FRAMES = 12
 """A diagnosis fits to the first two thirds and predicts the rest; fewer leave too little of both."""
 POINTS = 3
 """Fewer have no shape."""
+FITTED, FORETOLD, FOUND = 6, 3, 2
+"""Frames in which enough points are seen, at least: of those a fit sees, of those that it foretells, and of
+those by which the object is found in another recording."""
 BURIED = 0.25
 """Share of its size by which the middle of an object may be below the ground: heights are measured badly."""
 NEIGHBOURS = 4
@@ -29,10 +34,12 @@ def check_diagnosable(observation: Observation, name: str) -> None:
         name: What the message calls it.
 
     Raises:
-        InputError: too little to see forces by - frames, points, time between frames -, gravity that points
-            up, a ground above the object, or an object in the air that nothing holds and that does not fall.
+        InputError: too little to see forces by - frames, points, time between frames -, or to judge by what
+            is foretold, gravity that points up, a ground above the object, or an object in the air that
+            nothing holds and that does not fall.
     """
     check_enough(observation, name)
+    _check_split(observation, max(3, round((1.0 - HELD_OUT) * len(observation.times))), FITTED, name)
     if observation.gravity[2] > 0.0:
         raise InputError(
             f"{name}: gravity: expected it to point down, found {observation.gravity[2]:g} m/s² along z: "
@@ -55,8 +62,11 @@ def check_transfer(observation: Observation, transfer: Observation, name: str) -
         name: What the message calls it.
 
     Raises:
-        InputError: it is the same recording, or one of other points.
+        InputError: it is the same recording, or one of other points, or too little is seen in it.
     """
+    settled = int(np.searchsorted(transfer.times - transfer.times[0], SETTLING * PATIENCE))
+    first = min(max(settled, round(LOOKED_AT * len(transfer.times))), len(transfer.times) // 2)
+    _check_split(transfer, first, FOUND, name)
     wanted = "give one in which the same points were tracked, in the same order"
     count, other = observation.points.shape[1], transfer.points.shape[1]
     if count != other:
@@ -108,6 +118,22 @@ def check_enough(observation: Observation, name: str) -> None:
             f"{name}: points: expected {POINTS} or more seen in at least {FRAMES} frames to diagnose, "
             f"found {frames} such frames"
         )
+
+
+def _check_split(observation: Observation, first: int, least: int, name: str) -> None:
+    """Enough has to be seen before the first frame that is foretold, and after it."""
+    shown = np.isfinite(observation.points[..., 0]).sum(1) >= POINTS
+    when = f"{observation.times[first] - observation.times[0]:.3g} s"
+    parts = (
+        (shown[:first], least, f"before {when}, to which a twin is fitted"),
+        (shown[first:], FORETOLD, f"from {when} on, which a twin foretells"),
+    )
+    for part, wanted, which in parts:
+        if part.sum() < wanted:
+            raise InputError(
+                f"{name}: points: expected {POINTS} or more seen in at least {wanted} of the frames {which}, "
+                f"found {part.sum()} such frames"
+            )
 
 
 def _check_ground(observation: Observation, name: str) -> None:

@@ -27,7 +27,7 @@ class Taken:
         """Take what can be diagnosed, and warn of what was left out.
 
         A diagnosis begins with where object and hand are in the first frame, so that must be one in which the
-        object is seen.
+        object is seen. At its end a twin is judged by what is seen.
 
         Args:
             whole: Within its contract.
@@ -38,16 +38,17 @@ class Taken:
         """
         check_enough(whole, name)
         seen = _shown(whole)
-        begin = int(seen.argmax())
-        taken = frames_of(whole, slice(begin, None))
+        begin, end = int(seen.argmax()), len(seen) - int(seen[::-1].argmax())
+        taken = frames_of(whole, slice(begin, end))
         held = let_go(taken)
         taken = frames_of(taken, slice(held, None))
         check_diagnosable(taken, name)
-        if begin:
-            warnings.warn(
-                f"{name}: fewer than {POINTS} points are seen in the first {_frames(begin)}: left out",
-                stacklevel=2,
-            )
+        for count, where in ((begin, "first"), (len(seen) - end, "last")):
+            if count:
+                warnings.warn(
+                    f"{name}: fewer than {POINTS} points are seen in the {where} {_frames(count)}: left out",
+                    stacklevel=2,
+                )
         if held:
             warnings.warn(
                 f"{name}: something that is no controller holds the object still up to frame {begin + held} "

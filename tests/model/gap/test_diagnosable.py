@@ -49,7 +49,7 @@ def test_what_is_healthy_is_let_through(seen):
         lying(seen),
         replace(seen, gravity=(3.0, 0.0, -9.3)),
         sparse(seen, points=slice(0, 3)),
-        sparse(seen, frames=slice(0, 12)),
+        sparse(seen, frames=slice(2, 17)),
         # a ground that is measured a little too high
         replace(seen, ground_height=float(np.median(seen.points[..., 2])) + 0.05),
     ):
@@ -109,9 +109,9 @@ def test_another_interaction_with_the_object_is_let_through(seen):
     hidden = stretched.astype(np.float32)
     hidden[:, 4:9] = np.nan
     check_transfer(seen, replace(seen, points=hidden), "other.npz")
-    nothing = np.full_like(seen.points, np.nan)
-    nothing[:, :1] = seen.points[:, :1]
-    check_transfer(seen, replace(seen, points=nothing), "other.npz")
+    others = np.full_like(seen.points, np.nan)
+    others[:, :3] = seen.points[:, :3]
+    check_transfer(sparse(seen, points=slice(5, None)), replace(seen, points=others), "other.npz")
 
 
 @pytest.mark.parametrize(
@@ -122,6 +122,14 @@ def test_another_interaction_with_the_object_is_let_through(seen):
         (
             lambda points: points[:, np.random.default_rng(1).permutation(points.shape[1])],
             "most neighbours there are 2 times nearer or farther here",
+        ),
+        (
+            lambda points: np.where((np.arange(FRAMES) < 9)[:, None, None], 1.2 * points, np.nan),
+            "seen in at least 3 of the frames from 0.3 s on, which a twin foretells, found 0 such frames",
+        ),
+        (
+            lambda points: np.where(np.isin(np.arange(FRAMES), range(1, 12))[:, None, None], np.nan, points),
+            "seen in at least 2 of the frames before 0.3 s, to which a twin is fitted, found 1 such frames",
         ),
         (lambda points: 3.0 * points, "most neighbours there are 2 times nearer or farther here"),
     ],

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from model.errors import InputError
 from model.gap.bodies.body import body_of
 from model.gap.taken import Taken
 from model.types import Observation
@@ -63,3 +64,24 @@ def test_a_recording_begins_when_the_object_is_seen(seen, hands):
     body = body_of(taken.observation)
     np.testing.assert_allclose(body.points.mean(0), seen.points[21].mean(0), atol=0.01)
     assert set(body.grip[:, 0]) == set(range(hands))
+
+
+def test_what_is_judged_is_seen(seen):
+    with pytest.warns(
+        UserWarning, match=r"^o\.npz: fewer than 3 points are seen in the last 27 frames: left"
+    ):
+        taken = Taken.of(blind(seen, slice(63, None)), "o.npz")
+    assert len(taken.observation.times) == 63
+    assert np.isfinite(taken.observation.points).all()
+
+
+@pytest.mark.parametrize(
+    ("hidden", "line"),
+    [
+        (slice(5, 75), r"seen in at least 6 of the frames before 2\.1 s, .* found 5 such frames"),
+        (slice(20, 88), r"seen in at least 3 of the frames from 2\.1 s on, .* found 2 such frames"),
+    ],
+)
+def test_too_little_to_fit_or_to_judge_by_is_refused(seen, hidden, line):
+    with pytest.raises(InputError, match=rf"^o\.npz: points: expected 3 or more {line}$"):
+        Taken.of(blind(seen, hidden), "o.npz")
