@@ -18,6 +18,8 @@ POINTS = 3
 FITTED, FORETOLD, FOUND = 6, 3, 2
 """Frames in which enough points are seen, at least: of those a fit sees, of those that it foretells, and of
 those by which the object is found in another recording."""
+PAUSE = 10.0
+"""Times as long as the usual interval: all frames would be simulated as finely as the longest needs."""
 BURIED = 0.25
 """Share of its size by which the middle of an object may be below the ground: heights are measured badly."""
 NEIGHBOURS = 4
@@ -35,10 +37,11 @@ def check_diagnosable(observation: Observation, name: str) -> None:
 
     Raises:
         InputError: too little to see forces by - frames, points, time between frames -, or to judge by what
-            is foretold, gravity that points up, a ground above the object, or an object in the air that
-            nothing holds and that does not fall.
+            is foretold, a pause between frames, gravity that points up, a ground above the object, or an
+            object in the air that nothing holds and that does not fall.
     """
     check_enough(observation, name)
+    _check_pauses(observation, name)
     _check_split(observation, max(3, round((1.0 - HELD_OUT) * len(observation.times))), FITTED, name)
     if observation.gravity[2] > 0.0:
         raise InputError(
@@ -118,6 +121,25 @@ def check_enough(observation: Observation, name: str) -> None:
             f"{name}: points: expected {POINTS} or more seen in at least {FRAMES} frames to diagnose, "
             f"found {frames} such frames"
         )
+
+
+def _check_pauses(observation: Observation, name: str) -> None:
+    """What moved while nobody looked cannot be told, and takes very long to simulate."""
+    steps = np.diff(observation.times)
+    usual = float(np.median(steps))
+    pauses = np.flatnonzero(steps > max(PAUSE * usual, LONG_STEP))
+    if not len(pauses):
+        return
+    begins, ends = np.append(0, pauses + 1), np.append(pauses, len(steps))
+    longest = int((ends - begins).argmax())
+    one, other, begin, end = (
+        f"{observation.times[frame]:.6g}"
+        for frame in (pauses[0], pauses[0] + 1, begins[longest], ends[longest])
+    )
+    raise InputError(
+        f"{name}: times: expected frames about {usual:.3g} s apart, found a pause from {one} to {other} s: "
+        f"give the longest part alone, from {begin} to {end} s"
+    )
 
 
 def _check_split(observation: Observation, first: int, least: int, name: str) -> None:

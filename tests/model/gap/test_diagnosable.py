@@ -50,6 +50,9 @@ def test_what_is_healthy_is_let_through(seen):
         replace(seen, gravity=(3.0, 0.0, -9.3)),
         sparse(seen, points=slice(0, 3)),
         sparse(seen, frames=slice(2, 17)),
+        # frames that were lost, at another rate from the middle on
+        replace(seen, times=np.where(np.arange(FRAMES) < 9, seen.times, seen.times + 0.15)),
+        replace(seen, times=np.cumsum(np.where(np.arange(FRAMES) < 16, 0.03, 0.25))),
         # a ground that is measured a little too high
         replace(seen, ground_height=float(np.median(seen.points[..., 2])) + 0.05),
     ):
@@ -67,6 +70,11 @@ def test_what_is_healthy_is_let_through(seen):
         (
             lambda o: replace(o, times=0.01 * o.times),
             "times: expected at least 0.3 s to diagnose, found 0.00633",
+        ),
+        (
+            lambda o: replace(o, times=o.times + 20.0 * (np.arange(FRAMES) > 6)),
+            "times: expected frames about 0.0333 s apart, found a pause from 0.2 to 20.2333 s: give the longest "
+            "part alone, from 20.2333 to 20.6333 s",
         ),
         (
             lambda o: sparse(o, points=slice(0, 1)),
