@@ -141,6 +141,13 @@ def further(study: Study, found: Fitted) -> Fitted:
     return more if more.estimate.cost < found.estimate.cost else found
 
 
+def held_out(study: Study, one: Fitted) -> float:
+    """Mean square of its innovations in the frames that no fit has seen [m²]."""
+    seen = study.observer.seen.numpy()[study.split :]
+    innovations = one.foretold.innovations[study.split :]
+    return float((innovations[seen] ** 2).mean()) if seen.any() else 0.0
+
+
 def evidence(study: Study, plain: Forecast, other: Forecast) -> float:
     """By how many nats one forecast of the held-out frames is likelier than another.
 

@@ -8,7 +8,7 @@ from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
 from model.gap.closure import closure
 from model.gap.closure import transfer as closed_there
-from model.gap.confirm import Confirmed, Fitted, confirm, localised, refit
+from model.gap.confirm import Confirmed, Fitted, confirm, held_out, localised, refit
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence, gather
@@ -105,9 +105,9 @@ def _tried(
     confirmed = {
         name: confirm(fitted, plain, (effects[name],), begins[name].vector) for name in _likely(first, begins)
     }
-    verdict = first.doubting(confirmed, plain)
+    supports = _supports(fitted, other, plain, confirmed)
+    verdict = first.supported(supports, fitted.plain.twin.body.shape)
     if other is not None:
-        verdict = verdict.seconded(_supports(other, plain, confirmed), fitted.plain.twin.body.shape)
         verdict = verdict.puzzled(*_astray(fitted, other, plain))
     best = verdict.effect
     if best is None:
@@ -138,19 +138,25 @@ def _likely(first: Judged, begins: Mapping[EffectName, Begun]) -> list[EffectNam
 
 
 def _supports(
-    other: Transferred, plain: Fitted, confirmed: Mapping[EffectName, Confirmed]
+    fitted: Study, other: Transferred | None, plain: Fitted, confirmed: Mapping[EffectName, Confirmed]
 ) -> dict[EffectName, float]:
-    """What speaks for each effect in both recordings; in the other it is as strong as the first one tells.
+    """What speaks for each effect: in the frames of its fit, in later ones, and in another recording.
 
-    One that explains nothing in the first is not tried in the other: there is no strength to try it with.
+    There it is as strong as the first recording tells. One that explains nothing in the frames of its fit is
+    not tried anywhere else: there is no strength to try it with.
     """
-    here, there = plain.estimate.cost, other.left(plain)
-    return {
-        name: support((here, one.estimate.cost), (there, other.left(one, one.intervals)))
-        if one.estimate.cost < SEEN * here
-        else 0.0
-        for name, one in confirmed.items()
-    }
+    here, later = plain.estimate.cost, held_out(fitted, plain)
+    there = None if other is None else other.left(plain)
+    supports: dict[EffectName, float] = {}
+    for name, one in confirmed.items():
+        if one.estimate.cost >= SEEN * here:
+            supports[name] = 0.0
+            continue
+        beyond = [(later, held_out(fitted, one))]
+        if other is not None and there is not None:
+            beyond.append((there, other.left(one, one.intervals)))
+        supports[name] = support((here, one.estimate.cost), *beyond)
+    return supports
 
 
 def _astray(fitted: Study, other: Transferred, plain: Fitted) -> tuple[float, float]:

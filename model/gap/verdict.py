@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from model.gap.classifier import CLASSES, NONE, UNKNOWN, Jury
-from model.gap.confirm import Confirmed, Fitted
+from model.gap.classifier import CLASSES, UNKNOWN, Jury
 from model.gap.evidence import Evidence
 from model.gap.schema import EFFECT_NAMES, VerdictName
 from model.gap.signs import Signs
@@ -16,11 +15,9 @@ from model.types import Array
 
 ALIKE = 0.9
 """Cosine of two effects' signatures, beside the twin's own parameters, above which nobody can tell."""
-FAILED = 0.3
-"""What is left of an effect's probability that makes held-out frames less likely and farther off."""
-USUAL = {"rope": 0.2, "sheet": 0.5, "solid": 0.2}
+USUAL = {"rope": 0.35, "sheet": 0.6, "solid": 0.35}
 """Support at which the odds of an effect stay: chosen on development worlds (`benchmarks/reality`), where
-nothing that is not at work in healthy ropes and solids has more than 0.12; twins of sheets are worse."""
+nothing that is not at work in healthy ropes and solids has more than 0.28; twins of sheets are worse."""
 STEP = 0.05
 """Support that changes the odds e-fold."""
 BUCKLING = 1.3
@@ -32,18 +29,18 @@ FURTHER = 0.2
 """Support that changes the odds e-fold once that limit is reached: of several effects that explain much, what
 explains most is at work."""
 UNTRIED = LIMITS[0]
-"""Change of the logarithm of the odds of effects that were not worth a fit, where others were tried on
-another recording: as of those that were and explain nothing. In 9 of 10 development worlds with a clear
-effect, and 11 of 13 finite-element ones, it was fitted."""
+"""Change of the logarithm of the odds of effects that were not worth a fit: as of those that were and explain
+nothing."""
 ASTRAY, ASTRAY_STEP = 0.04, 0.006
 """How far free runs of a plain twin are off, as a share of the object's size, in the better followed of two
 recordings, where the odds of something unknown stay, and what changes them e-fold. Of 42 worlds where nothing
 is missing, moved by MuJoCo or finite elements, none is farther off than 0.043 in both recordings."""
 MOST = (-1.0, 3.0)
-"""Of what one recording may add to the support."""
-THERE = 3.0
-"""What the second recording adds is at most so many times what the first one shows. How strong an effect is
-that the first hardly shows is for the second to say, as of any that happens to fit it."""
+"""Of what each part of what was seen may add to the support."""
+BEYOND = 3.0
+"""What an effect explains beyond the frames that it was fitted to counts at most so many times what it
+explains of those. Of one that they hardly show others would have to say the strength as well, and any fits a
+little."""
 BESIDE, SECOND = 0.1, 0.2
 """A second effect has to explain this share beside the first, and to be this likely against it."""
 
@@ -69,31 +66,20 @@ class Judged:
         """Effects, the likeliest first; of equals, in the catalogue's order."""
         return tuple(sorted(EFFECT_NAMES, key=lambda name: -self.chances[name]))
 
-    def doubting(self, confirmed: Mapping[EffectName, Confirmed], plain: Fitted) -> "Judged":
-        """After effects were fitted: those that foretell worse than the plain twin are believed less."""
-        chances = dict(self.chances)
-        for name, one in confirmed.items():
-            if one.evidence < 0 and one.foretold.error >= plain.foretold.error:
-                lost = (1.0 - FAILED) * chances[name]
-                chances[name] -= lost
-                chances[NONE] += 0.5 * lost
-                chances[UNKNOWN] += 0.5 * lost
-        return Judged(chances)
+    def supported(self, supports: Mapping[EffectName, float], shape: str) -> "Judged":
+        """After effects were fitted.
 
-    def seconded(self, supported: Mapping[EffectName, float], shape: str) -> "Judged":
-        """After effects were tried on another interaction.
-
-        What an effect explains by accident - of another mesh, of a fit that went astray - it does not
-        explain there as well. Odds grow with the support beyond `USUAL`, and fall below it; those of effects
-        that were not fitted, since others explain more, fall as well.
+        What an effect explains by accident - of another mesh, of a fit that went astray - it explains neither
+        later on nor of another interaction. Odds grow with the support beyond `USUAL`, and fall below it;
+        those of effects that were not fitted, since others explain more, fall as well.
 
         Args:
-            supported: `support` of each effect that was fitted, by both recordings.
+            supports: `support` of each effect that was fitted.
             shape: Of the object.
         """
-        untried = [name for name in EFFECT_NAMES if supported and name not in supported]
+        untried = [name for name in EFFECT_NAMES if supports and name not in supports]
         chances = dict(self.chances) | {name: self.chances[name] * float(np.exp(UNTRIED)) for name in untried}
-        for name, support in supported.items():
+        for name, support in supports.items():
             usual = BUCKLING if name == "tension_only" and shape != "solid" else USUAL[shape]
             beyond = max(0.0, support - usual - LIMITS[1] * STEP) / FURTHER
             chances[name] *= float(np.exp(np.clip((support - usual) / STEP, *LIMITS) + beyond))
@@ -104,7 +90,7 @@ class Judged:
         """After the plain twin was run freely in several recordings: what it follows in none lacks something.
 
         Nearly chaotic motion, a fold or a fall, leads a healthy twin astray in one recording; what is missing
-        is missing in all. Effects that explain it stand against this with their own odds (`seconded`).
+        is missing in all. Effects that explain it stand against this with their own odds (`supported`).
 
         Args:
             astray: Of each recording, how far off the refitted twin's free runs are over the object's size.
@@ -115,21 +101,21 @@ class Judged:
         return Judged({name: chance / whole for name, chance in chances.items()})
 
 
-def support(here: tuple[float, float], there: tuple[float, float]) -> float:
-    """Of an effect by what it explains of both recordings: the sum of log(without / with).
+def support(fitted: tuple[float, float], *beyond: tuple[float, float]) -> float:
+    """Of an effect by what it explains: the sum of log(without / with) over the parts of what was seen.
 
     As for a likelihood whose noise is what remains: halves of what was left count the same, however much
     there was.
 
     Args:
-        here: Mean squares that the refitted twin leaves without it and with it, in the first recording.
-        there: The same in the second.
+        fitted: Mean squares that the refitted twin leaves without it and with it, in frames that fits see.
+        beyond: The same of other frames: later ones, another recording.
     """
-    first, second = (
+    first, *others = (
         float(np.clip(np.log(max(without, 1e-12) / max(with_it, 1e-12)), *MOST))
-        for without, with_it in (here, there)
+        for without, with_it in (fitted, *beyond)
     )
-    return first + min(second, THERE * max(first, 0.0))
+    return first + sum(min(other, BEYOND * max(first, 0.0)) for other in others)
 
 
 def judged(jury: Jury, signs: Signs) -> Judged:

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from model.gap.acts_on import acting
-from model.gap.confirm import confirm, fitted, further, localised, refit
+from model.gap.confirm import confirm, fitted, further, held_out, localised, refit
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Effect, Quantity
 from model.gap.search import begun
@@ -54,6 +54,7 @@ def test_what_was_planted_is_confirmed(dragged):
     assert low < 4.0 < high < 3.0 * low
     assert found.foretold.error < 0.9 * plain.foretold.error
     assert found.evidence > 5.0
+    assert held_out(dragged, found) < 0.7 * held_out(dragged, plain)
     assert found.at_bound == ()
     assert set(found.intervals) == {DRAG}
 

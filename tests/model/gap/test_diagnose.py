@@ -35,9 +35,8 @@ def sure(monkeypatch):
 
 @pytest.fixture
 def swinging(short, studied):
-    """In air that the twin does not have."""
-    effect = (QuadraticAirDrag(),)
-    return studied(short, effect, {"quadratic_air_drag.drag_per_mass": 10.0}, softer=1.0).observation
+    """As the plain twin does, but for noise."""
+    return studied(short, softer=1.0).observation
 
 
 def holds(diagnosis, observation):
