@@ -56,9 +56,8 @@ class MatPhysMethod(Method):
         return f"{super().identity()} {digest.hexdigest()[:16]}"
 
     def knew(self, source: str, object_name: str) -> bool:
-        """As its card says."""
-        trained = self._asked(object_name).trained
-        return trained.about.data.get("index") == source and object_name not in trained.left_out
+        """As its card says: see `Trained.knows`."""
+        return self._asked(object_name).trained.knows(object_name, source)
 
     def _asked(self, object_name: str) -> TrainedPredictor:
         if self.path.is_file():

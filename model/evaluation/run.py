@@ -64,8 +64,8 @@ def evaluate(plan: Plan, out: Path, workers: int = 1, progress: StageReport | No
 
     Args:
         plan: What.
-        out: Folder of `results.jsonl`; what is there already of the same cases, methods and settings is kept,
-            unless it failed. Made if missing.
+        out: Folder of `results.jsonl`; what is there already of the same index, cases, methods and settings
+            is kept, unless it failed. Made if missing.
         workers: Processes.
         progress: Told the share that is done.
 
@@ -116,7 +116,7 @@ def _jobs(plan: Plan) -> Iterator[_Job]:
             others = [entry for j, entry in enumerate(entries) if j != k] if transfers else []
             for method_name, method in plan.methods.items():
                 yield _Job(
-                    key=_key(plan, method_name, entries[k], others),
+                    key=_key(plan, source, method_name, entries[k], others),
                     name=method_name,
                     method=method,
                     case=plan.data / entries[k].file,
@@ -136,11 +136,11 @@ def _chosen(groups: dict[str, list[IndexEntry]], limit: int | None) -> list[str]
     return mixed[:limit]
 
 
-def _key(plan: Plan, name: str, entry: IndexEntry, others: Sequence[IndexEntry]) -> str:
+def _key(plan: Plan, source: str, name: str, entry: IndexEntry, others: Sequence[IndexEntry]) -> str:
     told = "given" if plan.opinion is None else f"{plan.opinion} {plan.seed}"
     pictures = f"{plan.pictures} {plan.lpips}"
     who = [name, plan.methods[name].identity()]
-    content = [VERSION, *who, told, pictures, entry.sha256, *(other.sha256 for other in others)]
+    content = [VERSION, *who, source, told, pictures, entry.sha256, *(other.sha256 for other in others)]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:24]
 
 

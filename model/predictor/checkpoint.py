@@ -14,6 +14,7 @@ from model.errors import InputError
 from model.formats.files import replacing
 from model.predictor.network import PredictorNetwork
 from model.predictor.options import NetworkOptions
+from model.scenes.generated_name import GeneratedName
 from model.version import __version__
 
 SCHEMA = "matphys.predictor/1"
@@ -21,6 +22,9 @@ KEY = "matphys"
 """The one entry of the file's metadata: JSON."""
 LEFT_OUT = "left out"
 """Entry of `About.data`: names of the objects of the folder that training never looked at, by spaces."""
+KNOWN = "known"
+"""Entry of `About.data`: names of the objects that training looked at, by spaces, where they do not follow
+from the seed and how many there are."""
 LARGEST = 200_000_000
 """Bytes; ours have a few million."""
 
@@ -42,8 +46,8 @@ class About(BaseModel):
     encoder_weights: str | None = None
     """sha256 of the encoder's own weights."""
     data: dict[str, int | str | None] = {}
-    """`folder`, `seed` of the generated cases, numbers of `cases` and `objects`, sha256 of the `index`, and
-    who was `left out`, if anybody."""
+    """`folder`, `seed` of the generated cases, numbers of `cases` and `objects`, sha256 of the `index`, who
+    was `left out`, if anybody, and who is `known`, where that is not the first objects of the seed."""
     training: dict[str, int | float | str] = {}
     """`epochs`, `seed`, …"""
     validation: dict[str, float] = {}
@@ -68,6 +72,26 @@ class Trained:
     def left_out(self) -> frozenset[str]:
         """Names of the objects of its folder that training never looked at."""
         return frozenset(str(self.about.data.get(LEFT_OUT) or "").split())
+
+    def knows(self, object_name: str, index: str) -> bool:
+        """Whether training looked at an object; in doubt, it did.
+
+        Generated objects are told by their names wherever they lie: a part of the folder, or one that was
+        generated again, has another index and the same objects.
+
+        Args:
+            object_name: As the index of its folder has it.
+            index: sha256 of that index.
+        """
+        data = self.about.data
+        if object_name in self.left_out:
+            return False
+        if data.get("index") == index:
+            return True
+        if data.get(KNOWN):
+            return object_name in str(data[KNOWN]).split()
+        made, count = GeneratedName.read(object_name), int(data.get("objects") or 0) + len(self.left_out)
+        return made is not None and made.seed == data.get("seed") and made.number < count
 
     @property
     def options(self) -> NetworkOptions:

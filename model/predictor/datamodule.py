@@ -14,7 +14,7 @@ from model.encoders.kinematic import KinematicEncoder
 from model.encoders.motion import MotionEncoder
 from model.errors import InputError
 from model.predictor.batches import Batch, Example, make_batch, true_values
-from model.predictor.checkpoint import LEFT_OUT
+from model.predictor.checkpoint import KNOWN, LEFT_OUT
 from model.predictor.geometry import Geometry, describe_geometry
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.motion_store import read_motion, store_motion
@@ -24,6 +24,7 @@ from model.progress import progress
 from model.scenes.case import Case
 from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
 from model.scenes.generate import generate
+from model.scenes.generated_name import GeneratedName
 from model.scenes.priors import Opinion, with_priors
 
 TYPICAL = 256
@@ -246,7 +247,8 @@ class CaseDataModule(LightningDataModule):
         """Where the training's cases come from, for the card of what was trained."""
         index, known = describe(self.folder), self._known()
         names = {entry.object_name for entry in known}
-        apart = sorted({entry.object_name for entry in index.cases} - names)
+        every = {entry.object_name for entry in index.cases}
+        apart = sorted(every - names)
         return {
             "folder": self.folder.name,
             "seed": index.seed,
@@ -254,7 +256,9 @@ class CaseDataModule(LightningDataModule):
             "cases": len(known),
             "objects": len(names),
             "index": hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest(),
-        } | ({LEFT_OUT: " ".join(apart)} if apart else {})
+            **({LEFT_OUT: " ".join(apart)} if apart else {}),
+            **({} if _first_of(index.seed, every) else {KNOWN: " ".join(sorted(names))}),
+        }
 
     def fixed_looks(self) -> list[Look]:
         """Every held-out case under every opinion; any share of them from the first on has all opinions."""
@@ -287,6 +291,13 @@ class CaseDataModule(LightningDataModule):
 def _there(data: CaseDataset | None) -> CaseDataset:
     assert data is not None, "the loop calls setup() first"
     return data
+
+
+def _first_of(seed: int | None, names: set[str]) -> bool:
+    """Whether these are the objects of a world from number 0 on, without a gap."""
+    made = [GeneratedName.read(name) for name in names]
+    numbers = {one.number for one in made if one is not None and one.seed == seed}
+    return numbers == set(range(len(names)))
 
 
 def _collate(examples: list[Example]) -> Batch:

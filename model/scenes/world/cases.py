@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from model.predictor.prior_mean import PriorMeanPredictor
 from model.priors.materials import normalised
 from model.scenes.case import Anchors, Case, Interaction, ObjectClass
+from model.scenes.generated_name import GeneratedName
 from model.scenes.priors import believed
 from model.scenes.replay import observed, replay
 from model.scenes.world.interactions import ALL_INTERACTIONS, Script, draw_script
@@ -53,7 +54,7 @@ def draw_cases(
     """
     rng = np.random.default_rng([seed, index])
     kind = object_class or CLASSES[index % len(CLASSES)]
-    thing = draw_thing(f"{kind}-{seed}-{index:04d}", kind, rng)
+    thing = draw_thing(str(GeneratedName(kind, seed, index)), kind, rng)
     count = interactions or int(rng.integers(*INTERACTIONS, endpoint=True))
     chosen = rng.permutation(len(ALL_INTERACTIONS))[:count]
     sensors: tuple[Sensor, Sensor] = ("depth", "camera")

@@ -66,6 +66,33 @@ def test_an_object_it_was_trained_on_is_known(checkpoint, object_cases):
     assert not judge(task(checkpoint, case)).known_object
 
 
+@pytest.mark.parametrize(
+    ("told", "known", "unknown"),
+    [
+        # a part of the training's folder, or one generated again: another index, the same names
+        ({"seed": 3, "objects": 24}, ["foam-3-0000", "rope-3-0023"], ["rope-3-0024", "foam-4-0000", "bar-3"]),
+        # of three objects the second was left out
+        (
+            {"seed": 3, "objects": 2, "left out": "foam-3-0001"},
+            ["foam-3-0002"],
+            ["foam-3-0001", "bag-3-0003"],
+        ),
+        # objects that do not follow from a seed
+        ({"seed": 3, "objects": 2, "known": "foam-3-0100 bar-7"}, ["foam-3-0100", "bar-7"], ["foam-3-0000"]),
+        ({"seed": None, "objects": 24}, [], ["foam-0-0000", "bar-7"]),
+    ],
+)
+def test_objects_are_known_wherever_they_lie(told, known, unknown, checkpoint, tmp_path):
+    trained = load_predictor(checkpoint)
+    about = trained.about.model_copy(update={"data": {"index": "a" * 64} | told})
+    save_predictor(tmp_path / "told.safetensors", trained.network, about)
+    method = MatPhysMethod(tmp_path / "told.safetensors")
+    for name in known:
+        assert method.knew("b" * 64, name), name
+    for name in unknown:
+        assert not method.knew("b" * 64, name), name
+
+
 def test_of_a_folder_the_predictor_is_asked_that_left_the_object_out(checkpoint, object_cases, tmp_path):
     known, cases = load_predictor(checkpoint), [object_cases(seed)[0] for seed in (0, 1, 2)]
     for number, case in enumerate(cases[:2]):

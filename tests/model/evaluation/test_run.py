@@ -1,3 +1,5 @@
+import hashlib
+
 import pytest
 
 from model.errors import InputError
@@ -5,6 +7,7 @@ from model.evaluation.baselines import HoldLast, PriorMean
 from model.evaluation.protocol import SETTINGS
 from model.evaluation.records import read_records
 from model.evaluation.run import RESULTS, Plan, evaluate
+from model.scenes.files import INDEX, save_case, write_index
 
 
 class Counting(HoldLast):
@@ -64,6 +67,27 @@ def test_what_failed_is_tried_again(plan, tmp_path):
     assert len(read_records(results)) == len(records)
 
 
+class Remembering(HoldLast):
+    """Knows the objects of folders with this index."""
+
+    index = ""
+
+    def knew(self, source, object_name):
+        return source == self.index
+
+
+def test_what_was_known_under_another_index_is_asked_again(object_cases, tmp_path):
+    data, method = tmp_path / "data", Remembering()
+    data.mkdir()
+    save_case(object_cases(0)[0], data / "alone.case.npz")
+    write_index(data)
+    method.index = hashlib.sha256((data / INDEX).read_bytes()).hexdigest()
+    plan = Plan(data, {"own": method}, ("future",), pictures=False)
+    assert [record.known_object for record in evaluate(plan, tmp_path)] == [True]
+    write_index(data, seed=5)
+    assert [record.known_object for record in evaluate(plan, tmp_path)] == [False]
+
+
 def test_other_priors_are_another_result(case_folder, tmp_path):
     def prior(opinion):
         plan = Plan(case_folder, {"prior": PriorMean()}, SETTINGS, opinion, pictures=False)
@@ -99,8 +123,6 @@ def test_a_folder_that_is_none(tmp_path):
 
 
 def test_one_interaction_is_not_enough_for_unseen_ones(object_cases, tmp_path):
-    from model.scenes.files import save_case, write_index
-
     save_case(object_cases(0)[0], tmp_path / "alone.case.npz")
     write_index(tmp_path)
     with pytest.raises(InputError, match="leave that setting out"):

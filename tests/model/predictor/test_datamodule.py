@@ -1,4 +1,4 @@
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from model.encoders.kinematic import KinematicEncoder
 from model.errors import InputError
 from model.predictor.datamodule import CaseDataModule, Draws, Look, Opinions
 from model.predictor.motion_store import STORE, read_motion, store_motion
-from model.scenes.files import describe, load_case, read_index, save_case
+from model.scenes.files import describe, load_case, read_index, save_case, write_index
 
 
 def test_draws_are_every_case_once_and_follow_from_seed_and_epoch():
@@ -102,8 +102,6 @@ def test_motion_is_described_once_and_again_when_the_case_changes(make_case, tmp
 
 
 def test_motion_of_the_frames_from_the_split_on_is_not_described(make_case, tmp_path):
-    from dataclasses import replace
-
     from model.predictor.motion_store import describe_case
 
     case = make_case(frames=12)
@@ -152,3 +150,16 @@ def test_a_fold_is_left_out_of_training_and_validation_and_is_tested(case_folder
         apart |= tested
     assert apart == everything
     assert "left out" not in CaseDataModule(case_folder).origin()
+
+
+def test_a_card_lists_who_is_known_unless_that_follows_from_the_seed(make_case, case_folder, tmp_path):
+    listed = CaseDataModule(case_folder).origin()["known"].split()
+    assert sorted(listed) == sorted({entry.object_name for entry in describe(case_folder).cases})
+    for number in range(2):
+        case = replace(make_case(seed=number, frames=8), name=f"c{number}", object_name=f"rope-4-000{number}")
+        save_case(case, tmp_path / f"{case.name}.case.npz")
+    write_index(tmp_path, seed=4)
+    assert "known" not in CaseDataModule(tmp_path).origin()
+    (tmp_path / "c0.case.npz").unlink()
+    write_index(tmp_path, seed=4)
+    assert CaseDataModule(tmp_path).origin()["known"] == "rope-4-0001"
