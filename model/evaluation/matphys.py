@@ -64,7 +64,7 @@ class MatPhysMethod(Method):
             return _predictor(self.path)
         for file in self._files:
             predictor = _predictor(file)
-            if object_name in predictor.trained.left_out:
+            if predictor.trained.leaves_out(object_name):
                 return predictor
         raise InputError(f"{self.path}: no predictor in it left out {object_name}: train with --data.folds")
 

@@ -15,6 +15,7 @@ from model.formats.files import replacing
 from model.predictor.network import PredictorNetwork
 from model.predictor.options import NetworkOptions
 from model.scenes.generated_name import GeneratedName
+from model.scenes.object_group import object_group
 from model.version import __version__
 
 SCHEMA = "matphys.predictor/1"
@@ -73,6 +74,10 @@ class Trained:
         """Names of the objects of its folder that training never looked at."""
         return frozenset(str(self.about.data.get(LEFT_OUT) or "").split())
 
+    def leaves_out(self, object_name: str) -> bool:
+        """Whether the object, under this name or that of another recording of it, was left out."""
+        return object_group(object_name) in map(object_group, self.left_out)
+
     def knows(self, object_name: str, index: str) -> bool:
         """Whether training looked at an object; in doubt, it did.
 
@@ -84,12 +89,12 @@ class Trained:
             index: sha256 of that index.
         """
         data = self.about.data
-        if object_name in self.left_out:
+        if self.leaves_out(object_name):
             return False
         if data.get("index") == index:
             return True
         if data.get(KNOWN):
-            return object_name in str(data[KNOWN]).split()
+            return object_group(object_name) in map(object_group, str(data[KNOWN]).split())
         made, count = GeneratedName.read(object_name), int(data.get("objects") or 0) + len(self.left_out)
         return made is not None and made.seed == data.get("seed") and made.number < count
 

@@ -25,6 +25,7 @@ from model.scenes.case import Case
 from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
 from model.scenes.generate import generate
 from model.scenes.generated_name import GeneratedName
+from model.scenes.object_group import object_group
 from model.scenes.priors import Opinion, with_priors
 
 TYPICAL = 256
@@ -254,7 +255,7 @@ class CaseDataModule(LightningDataModule):
             "seed": index.seed,
             "version": index.version,
             "cases": len(known),
-            "objects": len(names),
+            "objects": len({object_group(name) for name in names}),
             "index": hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest(),
             **({LEFT_OUT: " ".join(apart)} if apart else {}),
             **({} if _first_of(index.seed, every) else {KNOWN: " ".join(sorted(names))}),

@@ -1,15 +1,20 @@
-"""Which objects are trained on, which judge the training, and which are left out of it altogether."""
+"""Which objects are trained on, which judge the training, and which are left out of it altogether.
+
+Recordings that may show the same thing (`object_group`) are one object here.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from model.errors import InputError
+from model.scenes.case import ObjectClass
 from model.scenes.files import IndexEntry
+from model.scenes.object_group import object_group
 
 
 def left_out(entries: Sequence[IndexEntry], folds: int, fold: int, seed: int) -> list[str]:
-    """Names of the objects of one fold of several: every object is in one of them, every class in most.
+    """Names of what is in one fold of several: every object is in one of them, every class in most.
 
     Args:
         entries: Of all cases.
@@ -26,12 +31,13 @@ def left_out(entries: Sequence[IndexEntry], folds: int, fold: int, seed: int) ->
         raise InputError(
             f"data.fold {fold} of data.folds {folds}: expected two folds or more, counted from 0"
         )
-    objects = {entry.object_name: entry.object_class for entry in entries}
+    objects = _objects(entries)
     if len(objects) < folds:
         raise InputError(f"data.folds is {folds}, but there are {len(objects)} objects: give at most as many")
     drawn = np.random.default_rng(seed).permutation(sorted(objects)).tolist()
     by_class = sorted(drawn, key=objects.__getitem__)
-    return sorted(by_class[fold::folds])
+    apart = set(by_class[fold::folds])
+    return sorted({entry.object_name for entry in entries if object_group(entry.object_name) in apart})
 
 
 def split_objects(
@@ -42,7 +48,7 @@ def split_objects(
     Raises:
         InputError: there are fewer than two objects.
     """
-    objects = {entry.object_name: entry.object_class for entry in entries}
+    objects = _objects(entries)
     held = set[str]()
     for kind in sorted(set(objects.values())):
         names = sorted(name for name, own in objects.items() if own == kind)
@@ -53,6 +59,11 @@ def split_objects(
     if not held:  # every class has but one object
         held.add(sorted(objects)[-1])
     return (
-        [entry for entry in entries if entry.object_name not in held],
-        [entry for entry in entries if entry.object_name in held],
+        [entry for entry in entries if object_group(entry.object_name) not in held],
+        [entry for entry in entries if object_group(entry.object_name) in held],
     )
+
+
+def _objects(entries: Sequence[IndexEntry]) -> dict[str, ObjectClass]:
+    """Their classes, by group."""
+    return {object_group(entry.object_name): entry.object_class for entry in entries}

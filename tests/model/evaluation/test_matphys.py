@@ -80,6 +80,12 @@ def test_an_object_it_was_trained_on_is_known(checkpoint, object_cases):
         # objects that do not follow from a seed
         ({"seed": 3, "objects": 2, "known": "foam-3-0100 bar-7"}, ["foam-3-0100", "bar-7"], ["foam-3-0000"]),
         ({"seed": None, "objects": 24}, [], ["foam-0-0000", "bar-7"]),
+        # another recording of a thing that was trained on, or left out
+        (
+            {"seed": None, "known": "single_lift_sloth cup_1", "left out": "single_lift_rope"},
+            ["double_lift_sloth", "cup_1"],
+            ["single_push_rope_4", "cup_2"],
+        ),
     ],
 )
 def test_objects_are_known_wherever_they_lie(told, known, unknown, checkpoint, tmp_path):

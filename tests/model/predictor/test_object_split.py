@@ -59,3 +59,28 @@ def test_every_object_is_left_out_once_and_folds_are_alike():
 def test_folds_that_cannot_be(folds, fold, says):
     with pytest.raises(InputError, match=says):
         left_out(entries(plush=4, rope=4), folds, fold, seed=0)
+
+
+def test_recordings_of_one_thing_are_on_one_side():
+    things = [
+        *("single_lift_sloth", "double_lift_sloth", "single_push_sloth", "single_lift_zebra"),
+        *("double_stretch_zebra", "single_lift_rope", "single_push_rope_1", "rope_double_hand"),
+    ]
+    cases = [
+        IndexEntry(
+            file=f"{name}.case.npz", sha256="", object_name=name, object_class=kind, interaction="lift"
+        )
+        for name in things
+        for kind in (("rope",) if "rope" in name else ("plush",))
+    ]
+    groups = {"sloth": set(things[:3]), "zebra": set(things[3:5]), "rope": set(things[5:])}
+    folds = [left_out(cases, 3, fold, seed=0) for fold in range(3)]
+    assert sorted(map(sorted, folds)) == sorted(map(sorted, groups.values()))
+    with pytest.raises(InputError, match="there are 3 objects"):
+        left_out(cases, 4, 0, seed=0)
+    for seed in range(6):
+        train, held = split_objects(cases, 0.4, seed)
+        sides = [{entry.object_name for entry in side} for side in (train, held)]
+        assert all(any(group <= side for side in sides) for group in groups.values())
+        assert sides[0]
+        assert sides[1]
