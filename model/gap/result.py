@@ -8,6 +8,7 @@ from model.gap.diagnosis import Diagnosis
 from model.gap.plain import PlainTwin
 from model.gap.report.statement import stated
 from model.gap.schema import GapReport
+from model.gap.taken import Taken
 from model.gap.write_back import twin_of, with_findings
 from model.types import Observation
 
@@ -22,17 +23,20 @@ class DiagnosisResult:
     """The twin that the observation was compared with."""
     bundle: TwinBundle | None = None
     """The twin that was given, if one was."""
+    taken: Taken | None = None
+    """What of the recording was diagnosed; None: all of it."""
 
     @property
     def report(self) -> GapReport:
-        """The gap report, its verdict stated."""
-        return stated(self.diagnosis.findings.report)
+        """The gap report on the recording, its verdict stated."""
+        found = stated(self.diagnosis.findings.report)
+        return found if self.taken is None else self.taken.report(found)
 
     def write_report(self, folder: Path) -> tuple[Path, ...]:
         """Write the report and its figures; see `model.gap.report.write`."""
         from model.gap.report.write import write_report  # draws with matplotlib, which takes a second
 
-        return write_report(self.diagnosis.findings, folder)
+        return write_report(self.diagnosis.findings, folder, self.report)
 
     def twin(self) -> TwinBundle | None:
         """The twin with what was found, or one made of the observation; None: nothing to carry was found."""

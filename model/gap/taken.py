@@ -8,6 +8,7 @@ from jaxtyping import Bool
 
 from model.gap.bodies.let_go import let_go
 from model.gap.diagnosable import POINTS, check_diagnosable, check_enough
+from model.gap.schema import GapReport
 from model.types import Array, Observation
 
 
@@ -21,6 +22,17 @@ class Taken:
     """What is diagnosed."""
     first: int
     """The frame of `whole` that it begins with."""
+
+    def report(self, found: GapReport) -> GapReport:
+        """What was found, said of all frames of the recording: nothing lies in those that were left out.
+
+        Args:
+            found: Of `observation`.
+        """
+        frames = np.zeros(len(self.whole.times))
+        frames[self.first : self.first + len(self.observation.times)] = found.where.frames
+        where = found.where.model_copy(update={"frames": tuple(frames.tolist())})
+        return found.model_copy(update={"where": where})
 
     @classmethod
     def of(cls, whole: Observation, name: str) -> "Taken":

@@ -37,7 +37,8 @@ def diagnose(
 
     report("observation", 0.0)
     with collect_doubts() as doubts:
-        seen = Taken.of(read_observation(observation), observation.name).observation
+        taken = Taken.of(read_observation(observation), observation.name)
+        seen = taken.observation
         other = None if transfer is None else _confirming(transfer, seen)
         bundle = None if twin is None else TwinBundle.load(twin)
         given = None if bundle is None else given_twin(bundle, seen)
@@ -46,7 +47,7 @@ def diagnose(
         found = find(seen if given is None else given.observation, given, other, report)
     plain = given or PlainTwin.of(body_of(seen), seen)
     report("done", 1.0)
-    return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle)
+    return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle, taken)
 
 
 def _confirming(path: Path, seen: Observation) -> Observation:

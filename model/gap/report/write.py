@@ -9,12 +9,13 @@ from model.gap.report.findings import Findings
 from model.gap.report.page import page
 from model.gap.report.statement import stated
 from model.gap.report.style import png
+from model.gap.schema import GapReport
 from model.schema import write_json
 
 REPORT, PAGE = "report.json", "report.html"
 
 
-def write_report(findings: Findings, folder: Path) -> tuple[Path, ...]:
+def write_report(findings: Findings, folder: Path, whole: GapReport | None = None) -> tuple[Path, ...]:
     """Write `report.json`, `report.html` and the figures; other files of the folder stay.
 
     Whoever finds a `report.json` finds the page and the figures that belong to it: everything is drawn and on
@@ -23,6 +24,7 @@ def write_report(findings: Findings, folder: Path) -> tuple[Path, ...]:
     Args:
         findings: What was found; a verdict without a statement gets one.
         folder: Made if missing.
+        whole: The report, where it speaks of more frames than the figures show; None: that of `findings`.
 
     Returns:
         What was written, `report.json` first.
@@ -30,7 +32,7 @@ def write_report(findings: Findings, folder: Path) -> tuple[Path, ...]:
     Raises:
         InputError: nothing can be written there.
     """
-    report = stated(findings.report)
+    report = stated(findings.report if whole is None else whole)
     images = {each.file: png(each.draw(findings)) for each in ALL_DRAWINGS}
     contents = {REPORT: write_json(report), PAGE: page(report, images).encode("utf-8"), **images}
     with ExitStack() as unwound:  # what is entered first, report.json, is put in place last

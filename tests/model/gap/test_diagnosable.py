@@ -73,8 +73,8 @@ def test_what_is_healthy_is_let_through(seen):
         ),
         (
             lambda o: replace(o, times=o.times + 20.0 * (np.arange(FRAMES) > 6)),
-            "times: expected frames about 0.0333 s apart, found a pause from 0.2 to 20.2333 s: give the longest "
-            "part alone, from 20.2333 to 20.6333 s",
+            "times: expected frames about 0.0333 s apart, found a pause from 0.2 to 20.2333 s: "
+            "give the longest part alone, from 20.2333 to 20.6333 s",
         ),
         (
             lambda o: sparse(o, points=slice(0, 1)),

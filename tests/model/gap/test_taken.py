@@ -8,6 +8,7 @@ import pytest
 
 from model.errors import InputError
 from model.gap.bodies.body import body_of
+from model.gap.schema import GapReport, Where
 from model.gap.taken import Taken
 from model.types import Observation
 
@@ -35,6 +36,15 @@ def blind(seen: Observation, *frames: slice) -> Observation:
     for some in frames:
         points[some] = np.nan
     return replace(seen, points=points)
+
+
+def found(taken: Taken) -> GapReport:
+    """A report on what was taken, the later frames and points having more of the gap."""
+    frames, points = taken.observation.points.shape[:2]
+    shares = [np.arange(1.0, count + 1) / np.arange(1.0, count + 1).sum() for count in (points, frames)]
+    acts = tuple(np.linspace(0, 1, points).tolist())
+    where = Where(points=tuple(shares[0].tolist()), frames=tuple(shares[1].tolist()), acts_on=acts)
+    return GapReport.model_construct(where=where)
 
 
 def test_what_is_seen_from_the_start_is_taken_whole(seen):
@@ -85,3 +95,15 @@ def test_what_is_judged_is_seen(seen):
 def test_too_little_to_fit_or_to_judge_by_is_refused(seen, hidden, line):
     with pytest.raises(InputError, match=rf"^o\.npz: points: expected 3 or more {line}$"):
         Taken.of(blind(seen, hidden), "o.npz")
+
+
+def test_a_report_speaks_of_all_frames_of_the_recording(seen):
+    """Nothing of the gap lies in frames that were left out."""
+    with pytest.warns(UserWarning, match="left out"):
+        taken = Taken.of(blind(seen, slice(0, 20), slice(80, None)), "o.npz")
+    said = taken.report(found(taken)).where
+    assert len(said.frames) == FRAMES
+    assert not any(said.frames[:20])
+    assert not any(said.frames[80:])
+    assert said.frames[20:80] == found(taken).where.frames
+    assert said.points == found(taken).where.points
