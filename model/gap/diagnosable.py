@@ -26,6 +26,7 @@ NEIGHBOURS = 4
 OTHER = 2.0
 """Neighbours that are so many times as far apart in another recording, or as near, are not the same points:
 half of all are, where points were tracked in another order or on another object."""
+ALIKE = "give one in which the same points were tracked, in the same order"
 
 
 def check_diagnosable(observation: Observation, name: str) -> None:
@@ -70,12 +71,7 @@ def check_transfer(observation: Observation, transfer: Observation, name: str) -
     settled = int(np.searchsorted(transfer.times - transfer.times[0], SETTLING * PATIENCE))
     first = min(max(settled, round(LOOKED_AT * len(transfer.times))), len(transfer.times) // 2)
     _check_split(transfer, first, FOUND, name)
-    wanted = "give one in which the same points were tracked, in the same order"
-    count, other = observation.points.shape[1], transfer.points.shape[1]
-    if count != other:
-        raise InputError(
-            f"{name}: points: expected the {count} of the first recording, found {other}: {wanted}"
-        )
+    check_same_points(observation, transfer, name)
     if np.array_equal(observation.points, transfer.points, equal_nan=True):
         raise InputError(
             f"{name}: points: expected another interaction with the object, found the same motion again, "
@@ -85,7 +81,25 @@ def check_transfer(observation: Observation, transfer: Observation, name: str) -
     if len(ratio) and np.median(np.abs(np.log(ratio))) > np.log(OTHER):
         raise InputError(
             f"{name}: points: expected those of the first recording, found that most neighbours there are "
-            f"{OTHER:g} times nearer or farther here: {wanted}"
+            f"{OTHER:g} times nearer or farther here: {ALIKE}"
+        )
+
+
+def check_same_points(observation: Observation, transfer: Observation, name: str) -> None:
+    """Refuse another recording that has not as many points.
+
+    Args:
+        observation: What is diagnosed.
+        transfer: What is to confirm it.
+        name: What the message calls it.
+
+    Raises:
+        InputError: it has more points, or fewer.
+    """
+    count, other = observation.points.shape[1], transfer.points.shape[1]
+    if count != other:
+        raise InputError(
+            f"{name}: points: expected the {count} of the first recording, found {other}: {ALIKE}"
         )
 
 

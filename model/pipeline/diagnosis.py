@@ -7,7 +7,6 @@ from pathlib import Path
 from model.bundle import TwinBundle
 from model.doubts import collect_doubts
 from model.gap.bodies.body import body_of
-from model.gap.diagnosable import check_transfer
 from model.gap.diagnosis import Diagnosis
 from model.gap.given import given_twin
 from model.gap.plain import PlainTwin
@@ -16,7 +15,6 @@ from model.gap.result import DiagnosisResult
 from model.gap.taken import Taken
 from model.observation import read_observation
 from model.stage_log import StageReport
-from model.types import Observation
 
 
 def diagnose(
@@ -39,7 +37,7 @@ def diagnose(
     with collect_doubts() as doubts:
         taken = Taken.of(read_observation(observation), observation.name)
         seen = taken.observation
-        other = None if transfer is None else _confirming(transfer, seen)
+        other = None if transfer is None else taken.other(read_observation(transfer), transfer.name)
         bundle = None if twin is None else TwinBundle.load(twin)
         given = None if bundle is None else given_twin(bundle, seen)
         if given is not None and other is not None:
@@ -48,12 +46,6 @@ def diagnose(
     plain = given or PlainTwin.of(body_of(seen), seen)
     report("done", 1.0)
     return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle, taken)
-
-
-def _confirming(path: Path, seen: Observation) -> Observation:
-    transfer = Taken.of(read_observation(path), path.name).observation
-    check_transfer(seen, transfer, path.name)
-    return transfer
 
 
 def _doubted(found: Diagnosis, doubts: Sequence[str]) -> Diagnosis:

@@ -20,6 +20,21 @@ def farthest_points(places: Float64[Array, "N 3"], apart: float) -> Int64[Array,
     return np.array(sorted(chosen), np.int64)
 
 
+def covering_points(places: Float64[Array, "N 3"], most: int) -> Int64[Array, " n"]:
+    """Indices of so many points that cover all as well as they can: each the farthest from those before.
+
+    The first is the one farthest from the middle, so that the order of the points does not matter.
+    """
+    chosen: list[int] = []
+    distance = np.linalg.norm(places - places.mean(0), axis=1)
+    nearest = np.full(len(places), np.inf)
+    while len(chosen) < min(most, len(places)):
+        chosen.append(int(distance.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(places - places[chosen[-1]], axis=1))
+        distance = nearest
+    return np.array(sorted(chosen), np.int64)
+
+
 def pairs_within(points: Float64[Array, "P 3"], reach: float, least: int) -> Int64[Array, "E 2"]:
     """Pairs within reach [m], and each point with its nearest `least`."""
     tree = cKDTree(points)

@@ -9,7 +9,7 @@ import pytest
 from model.errors import InputError
 from model.gap.bodies.body import body_of
 from model.gap.schema import GapReport, Where
-from model.gap.taken import Taken
+from model.gap.taken import MOST, Taken
 from model.types import Observation
 
 FRAMES = 90
@@ -107,3 +107,55 @@ def test_a_report_speaks_of_all_frames_of_the_recording(seen):
     assert not any(said.frames[80:])
     assert said.frames[20:80] == found(taken).where.frames
     assert said.points == found(taken).where.points
+
+
+@pytest.fixture
+def dense(seen) -> Observation:
+    """The same sheet of 1600 points, some never seen, some seldom."""
+    u, v = np.meshgrid(np.linspace(0, 0.4, 40), np.linspace(0, 0.4, 40), indexing="ij")
+    places = np.stack([u, 0 * u, 1.0 - v], -1).reshape(-1, 3)
+    points = (places + seen.controllers - seen.controllers[:1]).astype(np.float32)
+    points[:, 100:110] = np.nan
+    points[:80, 500:700] = np.nan
+    return replace(seen, points=points, parts=np.arange(1600))
+
+
+def test_many_points_are_told_by_some_that_cover_the_object(dense):
+    with pytest.warns(UserWarning, match=r"^o\.npz: 1600 points are more than a diagnosis can look at: 400 "):
+        taken = Taken.of(dense, "o.npz")
+    assert len(taken.kept) == MOST == taken.observation.points.shape[1]
+    assert not set(taken.kept) & {*range(100, 110), *range(500, 700)}
+    np.testing.assert_array_equal(taken.observation.parts, taken.kept)
+    said, before = taken.report(found(taken)).where, found(taken).where
+    assert len(said.points) == len(said.acts_on) == 1600
+    assert sum(said.points) == pytest.approx(1.0)
+    assert not any(said.points[100:110])
+    for point in (0, 600, 1599):
+        near = int(taken.stands_in[point])
+        apart = dense.points[80, point] - dense.points[80, taken.kept[near]]
+        assert np.linalg.norm(apart) < 0.025 + 0.05 * (point == 600)
+        assert said.acts_on[point] == before.acts_on[near]
+    own = np.array(said.points)
+    assert own[taken.stands_in == 7].sum() == pytest.approx(before.points[7])
+
+
+def test_the_order_of_many_points_does_not_matter(dense):
+    order = np.random.default_rng(0).permutation(1600)
+    points = dense.points + np.random.default_rng(1).normal(0, 1e-3, dense.points.shape).astype(np.float32)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        one = Taken.of(replace(dense, points=points), "o.npz")
+        other = Taken.of(replace(dense, points=points[:, order]), "o.npz")
+    assert set(order[other.kept]) == set(one.kept)
+
+
+def test_another_recording_is_told_by_the_same_points(dense):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        taken = Taken.of(dense, "o.npz")
+    again = replace(dense, points=1.2 * dense.points)
+    np.testing.assert_array_equal(taken.other(again, "p.npz").points, again.points[:, taken.kept])
+    with pytest.raises(
+        InputError, match=r"^p\.npz: points: expected the 1600 of the first recording, found 9"
+    ):
+        taken.other(replace(again, points=again.points[:, :9], parts=None), "p.npz")
