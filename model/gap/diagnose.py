@@ -16,7 +16,7 @@ from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
-from model.gap.search import Begun, begun, searched, values_of
+from model.gap.search import Begun, beginning, searched, values_of
 from model.gap.signs import Signs, signs_of
 from model.gap.size import size_of
 from model.gap.study import Study, study
@@ -120,7 +120,7 @@ def _tried(
     if second is not None and second != best:
         values = {**confirmed[best].estimate.values, **values_of(fitted, effects[second], begins[second])}
         pair = effect, effects[second]
-        both = confirm(fitted, plain, pair, begun(fitted, pair, [values]).vector)
+        both = confirm(fitted, plain, pair, beginning(fitted, pair, [values]).vector)
         alone = min(confirmed[best].foretold.error, plain.foretold.error)
         if both.foretold.error >= BETTER * alone or both.evidence <= confirmed[best].evidence:
             both = None

@@ -23,8 +23,10 @@ from model.types import Array
 
 Progress: TypeAlias = Callable[[float], None]
 
-STRENGTHS = (0.04, 0.25, 1.0, 4.0, 16.0)
-"""Of what a probe is; so faint that hardly anything is different, too, for what is not at work."""
+STRENGTHS = (0.25, 1.0, 4.0, 16.0)
+"""Of what a probe is."""
+FAINT = (0.04,)
+"""So little that hardly anything is different: where an effect begins that helps in no strength."""
 SHARES = (1.0, 0.5, 0.2)
 """Of a step, the best of which is taken: a whole one may lead across a kink."""
 
@@ -36,7 +38,7 @@ class Begun:
     vector: Float64[Array, " d"]
     """Coordinates of the twin's own parameters and of the effects'."""
     left: float
-    """Mean square of what is left unexplained, or of what would be, were the own parameters to follow."""
+    """Mean square of what is left unexplained there."""
 
 
 def searched(
@@ -57,12 +59,12 @@ def searched(
     for done, (name, effect) in enumerate(by_name.items()):
         tell(done / len(by_name))
         tried = [_named(effect, effect.turned(values, angle)) for values in probes(effect)]
-        found[name] = stepped(study, (effect,), begun(study, (effect,), tried))
+        found[name] = beginning(study, (effect,), tried)
     return {name: found[name] for name in sorted(found, key=lambda name: found[name].left)}
 
 
-def begun(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str, float]]) -> Begun:
-    """The beginning that would leave least, were the plain twin's parameters to follow.
+def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str, float]]) -> Begun:
+    """A step from the strength that promises most; or hardly any of it, where a step from there leaves more.
 
     Args:
         study: The fitted plain twin.
@@ -70,13 +72,24 @@ def begun(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str
         tried: Values by `effect.quantity`, each looked at in all strengths; what is not given starts where
             its effect says.
     """
-    misfit = _misfit(study, effects)
+    misfit = study.misfit.of(replace(study.plain, effects=effects))
+    faint, strong = (_scanned(study, misfit, tried, strengths) for strengths in (FAINT, STRENGTHS))
+    there = _stepped(misfit, strong)
+    left = float((misfit(faint[None])[0] ** 2).mean())
+    return there if there.left < left else Begun(faint, left)
+
+
+def _scanned(
+    study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]], strengths: Sequence[float]
+) -> Float64[Array, " d"]:
+    """Coordinates of those values that would leave least, were the plain twin's parameters to follow."""
+    effects = misfit.hypothesis.effects
     usual = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
-    strengths = [[f"{effect.name}.{name}" for name in effect.absent] for effect in effects]
+    amplitudes = [[f"{effect.name}.{name}" for name in effect.absent] for effect in effects]
     starts: dict[tuple[float, ...], Float64[Array, " d"]] = {}
-    for values, factors in product(tried, product(STRENGTHS, repeat=len(effects))):
+    for values, factors in product(tried, product(strengths, repeat=len(effects))):
         first = {**usual, **study.base.values, **values}
-        scaled = {name: by * first[name] for by, own in zip(factors, strengths, strict=True) for name in own}
+        scaled = {name: by * first[name] for by, own in zip(factors, amplitudes, strict=True) for name in own}
         vector = misfit.coordinates.vector({**first, **scaled})
         starts.setdefault(tuple(vector.round(9)), vector)  # at a bound, several strengths are one
     vectors = np.stack(list(starts.values()))
@@ -84,34 +97,26 @@ def begun(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str
     jacobian = study.base.jacobian
     slopes = left @ jacobian
     explained = (slopes * np.linalg.solve(_normal(jacobian), slopes.T).T).sum(1)
-    squares = (left**2).sum(1) - explained
-    best = int(squares.argmin())
-    return Begun(vectors[best], float(squares[best]) / left.shape[1])
+    best: Float64[Array, " d"] = vectors[int(((left**2).sum(1) - explained).argmin())]
+    return best
 
 
-def stepped(study: Study, effects: tuple[Effect, ...], start: Begun) -> Begun:
+def _stepped(misfit: Misfit, start: Float64[Array, " d"]) -> Begun:
     """After one Gauss-Newton step of all coordinates; where it was, if no share of the step leaves less."""
-    misfit = _misfit(study, effects)
     low, high = misfit.coordinates.bounds
-    jacobian = misfit.jacobian(start.vector, STEPS[0])
-    here = misfit(start.vector[None])[0]
-    step = np.linalg.solve(_normal(jacobian), -jacobian.T @ here)
-    tried = np.clip(start.vector + np.outer(SHARES, step), low, high)
+    jacobian = misfit.jacobian(start, STEPS[0])
+    step = np.linalg.solve(_normal(jacobian), -jacobian.T @ misfit(start[None])[0])
+    tried = np.clip(start + np.outer((0.0, *SHARES), step), low, high)
     squares = (misfit(tried) ** 2).mean(1)
     best = int(squares.argmin())
-    if squares[best] < float((here**2).mean()):
-        return Begun(tried[best], float(squares[best]))
-    return Begun(start.vector, float((here**2).mean()))
+    return Begun(tried[best], float(squares[best]))
 
 
 def values_of(study: Study, effect: Effect, start: Begun) -> dict[str, float]:
     """The effect's own values where a fit may begin, by `effect.quantity`."""
-    known = _misfit(study, (effect,)).coordinates.values(start.vector)
+    misfit = study.misfit.of(replace(study.plain, effects=(effect,)))
+    known = misfit.coordinates.values(start.vector)
     return {name: value for name, value in known.items() if name not in study.plain.quantities}
-
-
-def _misfit(study: Study, effects: tuple[Effect, ...]) -> Misfit:
-    return study.misfit.of(replace(study.plain, effects=effects))
 
 
 def _normal(jacobian: Float64[Array, "m d"]) -> Float64[Array, "d d"]:

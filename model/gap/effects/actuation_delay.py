@@ -23,7 +23,7 @@ class ActuationDelay(Effect):
         Åström and Hägglund (2006), Advanced PID control, section 2.3 (dead time).
     """
     acts = "hand"
-    quantities: ClassVar[Mapping[str, Quantity]] = {"delay": Quantity("s", (-0.25, 0.25), 0.02)}
+    quantities: ClassVar[Mapping[str, Quantity]] = {"delay": Quantity("s", (-0.4, 0.4), 0.02)}
     absent: ClassVar[Mapping[str, float]] = {"delay": 0.0}
     grid: ClassVar[Grid] = {"delay": (-0.03, 0.03)}
     confused_with: ClassVar[Mapping[str, str]] = {

@@ -59,7 +59,7 @@ class GroundAdhesion(Effect):
     source = Adhesion.__doc__ or ""
     acts = "ground"
     quantities: ClassVar[Mapping[str, Quantity]] = {
-        "pull_per_mass": Quantity("m/s²", (0.1, 500.0), 10.0, log=True),
+        "pull_per_mass": Quantity("m/s²", (0.1, 3000.0), 10.0, log=True),
         "reach": Quantity("m", (0.001, 0.03), 0.005, log=True),
     }
     absent: ClassVar[Mapping[str, float]] = {"pull_per_mass": 0.0}

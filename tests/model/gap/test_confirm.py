@@ -11,14 +11,14 @@ from model.gap.acts_on import acting
 from model.gap.confirm import confirm, fitted, further, held_out, localised, refit
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Effect, Quantity
-from model.gap.search import begun
+from model.gap.search import beginning
 
 STIFFENING = "strain_stiffening.stiffening"
 DRAG = "quadratic_air_drag.drag_per_mass"
 
 
 def confirmed(study, plain, effects, values):
-    return confirm(study, plain, effects, begun(study, effects, [values]).vector)
+    return confirm(study, plain, effects, beginning(study, effects, [values]).vector)
 
 
 class Placebo(Effect):
@@ -107,9 +107,9 @@ def test_what_acts_in_a_half_is_fitted_there(pulled, studied):
     there = localised(study, plain, everywhere, place)
     assert there.estimate.cost < 0.8 * everywhere.estimate.cost
     assert there.hypothesis.where is place.where
-    assert there.foretold.error < everywhere.foretold.error
-    nowhere = torch.full_like(left, 1e-9)
-    assert localised(study, plain, everywhere, replace(place, where=nowhere)) is everywhere
+    exact = replace(everywhere.estimate, residuals=0.0 * everywhere.estimate.residuals)
+    perfect = replace(everywhere, estimate=exact)
+    assert localised(study, plain, perfect, place) is perfect
     assert localised(study, plain, everywhere, replace(place, where=None)) is everywhere
 
 

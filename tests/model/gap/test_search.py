@@ -1,13 +1,14 @@
 """An effect is found at whatever size it has, and what is at work comes first."""
 
 from dataclasses import replace
+from typing import ClassVar
 
-import numpy as np
 import pytest
 
 from model.gap.effects import ActuationDelay, QuadraticAirDrag
+from model.gap.effects.base import Quantity
 from model.gap.meeting import able_effects
-from model.gap.search import STRENGTHS, begun, searched, stepped, values_of
+from model.gap.search import FAINT, beginning, searched, values_of
 
 DRAG, DELAY = "quadratic_air_drag.drag_per_mass", "actuation_delay.delay"
 
@@ -40,35 +41,37 @@ def test_what_is_far_from_linear_comes_first_as_well(late):
     assert values == {DELAY: pytest.approx(0.2, abs=0.06)}
 
 
-def test_a_beginning_is_the_best_of_all_strengths(dragged):
-    effects = (QuadraticAirDrag(),)
-    found = [begun(dragged, effects, [{DRAG: start}]) for start in (0.25, 1.0, 4.0, 64.0)]
-    near = [values_of(dragged, effects[0], one)[DRAG] for one in found]
-    assert all(abs(np.log(value / 4.0)) <= np.log(3.0) for value in near)
-    together = begun(dragged, effects, [{DRAG: start} for start in (0.25, 64.0)])
-    assert together.left == pytest.approx(min(found[0].left, found[-1].left))
+@pytest.mark.parametrize("probe", [0.25, 1.0, 16.0])
+def test_wherever_a_probe_is_the_strength_is_found(dragged, probe):
+    found = beginning(dragged, (QuadraticAirDrag(),), [{DRAG: probe}])
+    assert values_of(dragged, QuadraticAirDrag(), found)[DRAG] == pytest.approx(4.0, rel=0.8)
+    assert found.left < 0.7 * dragged.base.cost
 
 
-def test_a_step_never_leaves_more(dragged):
-    effects = (QuadraticAirDrag(),)
-    misfit = dragged.misfit.of(replace(dragged.plain, effects=effects))
-    start = begun(dragged, effects, [{DRAG: 1.0}])
-    here = float((misfit(start.vector[None]) ** 2).mean())
-    once = stepped(dragged, effects, start)
-    assert once.left < here
-    assert float((misfit(once.vector[None]) ** 2).mean()) == pytest.approx(once.left, rel=1e-6)
-    best = once
-    for _ in range(8):
-        best = stepped(dragged, effects, best)
-    assert best.left <= once.left
+def test_it_leaves_what_it_says(dragged):
+    misfit = dragged.misfit.of(replace(dragged.plain, effects=(QuadraticAirDrag(),)))
+    found = beginning(dragged, (QuadraticAirDrag(),), [{DRAG: 1.0}])
+    assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-6)
+
+
+def test_what_helps_in_no_strength_begins_with_hardly_any(dragged):
+    """A hand that is late does not explain drag: it may not begin with more left than without it."""
+
+    class Late(ActuationDelay):
+        """Always late, and far: no step leads back."""
+
+        quantities: ClassVar = {"delay": Quantity("s", (0.001, 0.4), 0.2, log=True)}
+
+    found = beginning(dragged, (Late(),), [{DELAY: 0.2}])
+    assert found.left < 1.1 * dragged.base.cost
+    assert values_of(dragged, Late(), found)[DELAY] <= FAINT[0] * 0.2 + 1e-9
 
 
 def test_two_effects_begin_each_at_its_own_strength(dragged):
     """Of the delay there is nothing: it begins as faint as it may, whatever suits the drag."""
     effects = QuadraticAirDrag(), ActuationDelay()
-    both = begun(dragged, effects, [{DRAG: 1.0, DELAY: 0.04}])
+    both = beginning(dragged, effects, [{DRAG: 1.0, DELAY: 0.04}])
     coordinates = dragged.misfit.of(replace(dragged.plain, effects=effects)).coordinates
     values = coordinates.values(both.vector)
-    alone = values_of(dragged, effects[0], begun(dragged, effects[:1], [{DRAG: 1.0}]))
-    assert values[DRAG] == pytest.approx(alone[DRAG])
-    assert values[DELAY] == pytest.approx(STRENGTHS[0] * 0.04)
+    assert values[DRAG] == pytest.approx(4.0, rel=0.8)
+    assert abs(values[DELAY]) < 0.01
