@@ -145,7 +145,8 @@ class CaseDataModule(LightningDataModule):
 
     Args:
         folder: Cases as `matphys scenes` writes them.
-        test_folder: Cases for `test`; None: those of the fold that is left out, or else of the validation.
+        test_folder: Cases for `test` and `predict`, which then read no others; None: `test` has those of the
+            fold that is left out, or else of the validation, `predict` all.
         encoder: What describes motion; None: the embedded one.
         objects: How many to generate into `folder` where it has no cases yet; 0: none, cases must be there.
         seed: Of generation, split and opinions.
@@ -187,19 +188,17 @@ class CaseDataModule(LightningDataModule):
         self._held: CaseDataset | None = None
 
     def prepare_data(self) -> None:
-        """Generate and describe what is missing; in one process, before all others."""
+        """Generate and describe what is missing of what is read; in one process, before all others."""
+        folder = self._read_by("fit" if self.trainer is None else self.trainer.state.fn or "fit")
         with progress(quiet=False) as report:
-            if self._objects and not (self.folder / INDEX).exists():
-                generate(self.folder, self._objects, self.seed, workers=self._workers, report=report)
-            for folder in dict.fromkeys((self.folder, self.test_folder or self.folder)):
-                store_motion(read_index(folder), self.encoder, self._workers, report)
+            if self._objects and folder == self.folder and not (folder / INDEX).exists():
+                generate(folder, self._objects, self.seed, workers=self._workers, report=report)
+            store_motion(read_index(folder), self.encoder, self._workers, report)
 
     def setup(self, stage: str) -> None:
         """Read what the stage needs."""
-        if stage == "predict":
-            self._held = self._read(read_index(self.test_folder or self.folder, verify=False))
-        elif stage == "test" and self.test_folder is not None:
-            self._held = self._read(read_index(self.test_folder, verify=False))
+        if stage == "predict" or (stage == "test" and self.test_folder is not None):
+            self._held = self._read(read_index(self._read_by(stage), verify=False))
         elif stage == "test" and self._folds:
             own, apart = self._known(), describe(self.folder).cases
             self._held = self._read([self.folder / entry.file for entry in apart if entry not in own])
@@ -271,6 +270,10 @@ class CaseDataModule(LightningDataModule):
             for turn in range(len(names))
             for place, case in enumerate(order)
         ]
+
+    def _read_by(self, stage: str) -> Path:
+        """The one folder that a stage reads."""
+        return (self.test_folder or self.folder) if stage in ("test", "predict") else self.folder
 
     def _known(self) -> list[IndexEntry]:
         """Cases of the folder that training and validation may look at."""

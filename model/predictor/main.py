@@ -158,9 +158,14 @@ class TrainingCLI(LightningCLI):
         """Refuse early what can only fail later.
 
         Raises:
-            InputError: there is no such checkpoint.
+            InputError: there is no such checkpoint, or no network that was trained.
         """
         path = self._get(self.config, "ckpt_path")
+        if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
+            raise InputError(
+                f"{self.subcommand}: no network that was trained: "
+                "give --model.start FILE.safetensors or --ckpt_path FILE.ckpt, which `fit` writes"
+            )
         if path not in (None, "best", "last") and not Path(path).is_file():
             raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
 
@@ -180,7 +185,7 @@ class TrainingCLI(LightningCLI):
                 Export(self._get(self.config_init, "export"), self._written()),
             ]
         else:
-            kwargs["logger"] = False
+            kwargs["logger"] = kwargs["enable_checkpointing"] = False
             callbacks = [WriteParameters(out)] if self.subcommand == "predict" else []
         self.trainer_defaults["callbacks"] = callbacks
         if self._in_parallel():

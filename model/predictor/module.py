@@ -14,7 +14,7 @@ from torch.optim.lr_scheduler import LambdaLR
 
 from model.errors import InputError
 from model.predictor.batches import Batch, Example
-from model.predictor.checkpoint import load_predictor
+from model.predictor.checkpoint import Trained, load_predictor
 from model.predictor.held_out import HeldOut
 from model.predictor.joining import split_prediction
 from model.predictor.objective import LossWeights, belief_terms, judge_motion, motion_terms
@@ -110,10 +110,7 @@ class PredictorModule(LightningModule):
         self._held = HeldOut()
         if start is not None:
             known = load_predictor(start)
-            if known.options != network or known.widths != (motion_dim, motion_global_dim):
-                raise InputError(
-                    f"{start}: made with other options of the network, or another motion encoder"
-                )
+            _check_alike(start, known, network, (motion_dim, motion_global_dim))
             self.network.load_state_dict(known.network.state_dict())
 
     def forward(self, batch: Batch) -> Prediction:
@@ -232,6 +229,27 @@ class PredictorModule(LightningModule):
     def _chosen(self, count: int, batch_idx: int) -> Sequence[int]:
         rng = np.random.default_rng((self.seed, self.current_epoch, batch_idx, self.global_rank))
         return [int(number) for number in rng.permutation(count)[: self.rollouts.per_batch]]
+
+
+def _check_alike(start: Path, known: Trained, network: NetworkOptions, widths: tuple[int, int]) -> None:
+    """Refuse weights of another network; dropout has none, and may be another.
+
+    Raises:
+        InputError: the first option that differs, or the motion encoder.
+    """
+    theirs, asked = known.options.as_dict(), network.as_dict()
+    for name in sorted(asked.keys() - {"dropout"}):
+        if theirs[name] != asked[name]:
+            raise InputError(
+                f"model.start: {start} was made with model.network.{name} {theirs[name]}, "
+                f"here it is {asked[name]}: give the configuration that it was trained with"
+            )
+    if known.widths != widths:
+        raise InputError(
+            f"model.start: {start} was made with motion encoder {known.about.encoder}, which has "
+            f"{known.widths[0]} features per point and {known.widths[1]} per clip, data.encoder has "
+            f"{widths[0]} and {widths[1]}: give the configuration that it was trained with"
+        )
 
 
 def _parameters(prediction: Prediction, example: Example) -> Parameters:

@@ -153,6 +153,9 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
         (["fit", "--config=nowhere.yaml"], "nowhere.yaml"),
         (["validate", "--ckpt_path=nowhere.ckpt"], "nowhere.ckpt"),
         (["predict", "--model.start=nowhere.safetensors"], "nowhere.safetensors"),
+        (["validate"], "--model.start"),
+        (["test"], "--model.start"),
+        (["predict"], "--ckpt_path"),
         (["fit", "--data.validation_share=2"], "validation_share"),
         (["frobnicate"], "frobnicate"),
         ([], "subcommand"),
@@ -180,4 +183,18 @@ def test_an_unknown_key_of_a_configuration_is_named(tmp_path, case_folder, capsy
 def test_it_does_not_start_from_another_network(trained, case_folder, tmp_path, capsys):
     start = f"--model.start={trained / 'predictor.safetensors'}"
     assert fit(case_folder, tmp_path, start, "--model.network.dim=48") == 2
-    assert "other options" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "model.network.dim 32" in said
+    assert "it is 48" in said
+
+
+def test_prediction_reads_the_folder_it_is_given_and_no_other(trained, case_folder, tmp_path):
+    arguments = [
+        *("predict", f"--config={CONFIGS / 'quick.yaml'}", *SMALL, "--data.objects=9"),
+        *(f"--data.folder={tmp_path / 'unmade'}", f"--data.test_folder={case_folder}"),
+        # dropout is none of what was trained
+        *(f"--model.start={trained / 'predictor.safetensors'}", "--model.network.dropout=0.3"),
+    ]
+    assert main([*arguments, f"--out={tmp_path / 'said'}"]) == 0
+    assert not (tmp_path / "unmade").exists()
+    assert len(list((tmp_path / "said").glob("*.npz"))) == len(list(case_folder.glob("*.case.npz")))
