@@ -28,6 +28,8 @@ DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COMMANDS = ("fit", "validate", "test", "predict")
 CHECKPOINTS = "checkpoints"
 """Folder in that of a run."""
+NEWEST = ("last", "best")
+"""Checkpoints that are named instead of given: those of the newest run."""
 BEST = "val/loss"
 """What the best checkpoint has least of."""
 PARALLEL = "ddp_find_unused_parameters_true"
@@ -158,15 +160,20 @@ class TrainingCLI(LightningCLI):
         """Refuse early what can only fail later.
 
         Raises:
-            InputError: there is no such checkpoint, or no network that was trained.
+            InputError: there is no such checkpoint, it is none, or there is no network that was trained.
         """
         path = self._get(self.config, "ckpt_path")
+        if path in NEWEST:
+            path = _newest(Path(self._get(self.config, "out")), path)
+            self.config[str(self.subcommand)].ckpt_path = str(path)
+        if path is not None and Path(path).suffix == ".safetensors":
+            raise InputError(f"ckpt_path: {path}: a predictor, not a checkpoint: give it as --model.start")
         if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
             raise InputError(
                 f"{self.subcommand}: no network that was trained: "
                 "give --model.start FILE.safetensors or --ckpt_path FILE.ckpt, which `fit` writes"
             )
-        if path not in (None, "best", "last") and not Path(path).is_file():
+        if path is not None and not Path(path).is_file():
             raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:  # noqa: ANN401 - Lightning's own signature
@@ -297,6 +304,21 @@ def _fail(message: str, code: int) -> int:
 def _first_line(error: Exception) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return " ".join(lines)[:400] if lines else type(error).__name__
+
+
+def _newest(out: Path, name: str) -> Path:
+    """The checkpoint of this name in the run below `out` that was written to last; it may be an older one's.
+
+    Raises:
+        InputError: no run has written one.
+    """
+    written = list(out.glob(f"run-*/{CHECKPOINTS}/*.ckpt"))
+    folder = max(written, key=lambda path: path.stat().st_mtime_ns).parent if written else None
+    if folder is None or not (folder / f"{name}.ckpt").is_file():
+        raise InputError(
+            f"ckpt_path: {name}: no {name}.ckpt of the newest run in {out}: give its file, or the run's --out"
+        )
+    return folder / f"{name}.ckpt"
 
 
 def _next_version(out: Path) -> str:

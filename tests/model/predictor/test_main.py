@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from itertools import count
 from pathlib import Path
 
@@ -10,9 +11,10 @@ import pytest
 import torch
 import yaml
 
+from model.errors import InputError
 from model.predictor.checkpoint import load_predictor
 from model.predictor.held_out import HeldOut
-from model.predictor.main import main
+from model.predictor.main import _newest, main
 from model.predictor.module import PredictorModule
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -114,6 +116,27 @@ def test_training_goes_on_as_if_it_had_not_stopped(case_folder, tmp_path, monkey
         torch.testing.assert_close(ends[1]["state_dict"][name], value, rtol=0.0, atol=0.0, msg=name)
 
 
+def test_last_and_best_are_those_of_the_run_that_was_written_to_last(tmp_path):
+    for number, name in enumerate(("run-0/checkpoints/best", "run-1/checkpoints/last", "run-2/metrics")):
+        path = tmp_path / f"{name}.ckpt"
+        path.parent.mkdir(parents=True)
+        path.touch()
+        os.utime(path, (100 - number, 100 - number))
+    with pytest.raises(InputError, match=r"last\.ckpt"):
+        _newest(tmp_path, "last")
+    assert _newest(tmp_path, "best") == tmp_path / "run-0" / "checkpoints" / "best.ckpt"
+    os.utime(tmp_path / "run-1" / "checkpoints" / "last.ckpt", (200, 200))
+    assert _newest(tmp_path, "last") == tmp_path / "run-1" / "checkpoints" / "last.ckpt"
+
+
+def test_a_named_checkpoint_is_really_gone_on_from(case_folder, tmp_path):
+    assert fit(case_folder, tmp_path, epochs=1) == 0
+    assert fit(case_folder, tmp_path, "--ckpt_path=last", epochs=2) == 0
+    last = torch.load(tmp_path / "run-0" / "checkpoints" / "last.ckpt", weights_only=True)
+    assert (last["epoch"], last["global_step"]) == (1, 4)
+    assert not (tmp_path / "run-1" / "checkpoints").exists()
+
+
 def test_validate_and_test_judge_what_was_trained(trained, case_folder, tmp_path, capsys):
     common = [
         f"--config={CONFIGS / 'quick.yaml'}",
@@ -156,6 +179,10 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
         (["validate"], "--model.start"),
         (["test"], "--model.start"),
         (["predict"], "--ckpt_path"),
+        (["fit", "--ckpt_path=last"], "last.ckpt"),
+        (["validate", "--ckpt_path=best"], "best.ckpt"),
+        (["test", "--ckpt_path=mine.safetensors"], "--model.start"),
+        (["fit", "--ckpt_path=mine.safetensors"], "--model.start"),
         (["fit", "--data.validation_share=2"], "validation_share"),
         (["frobnicate"], "frobnicate"),
         ([], "subcommand"),
