@@ -18,6 +18,11 @@ AIRBORNE = 0.25
 """Share of its size by which the lowest point seen must be off the ground for an object to be in the air."""
 FLIGHT = 0.25
 """Seconds in the air from which it can be told whether something falls."""
+DRAG, HANGING = 6.0, 0.8
+"""Air slows what falls, at less than so much [1/s] where it is diagnosed; what gets lower by less than such a
+share of that hangs."""
+LOWERED = 3.0
+"""What gets lower by so many of its sizes does not hang."""
 LARGE = 3.0
 """Size [m] beyond which hands do not handle an object: a small one, in centimetres?"""
 WEAK = 1.0
@@ -144,9 +149,13 @@ def hangs(observation: Observation) -> bool:
     for start, end in _runs(in_air):
         times = observation.times[start:end]
         if times[-1] - times[0] >= FLIGHT:
-            heights = _fall(observation.points[start:end], gravity)
-            curvature = 2.0 * float(np.polyfit(times - times[0], heights, 2)[0])
-            if curvature < 0.5 * float(np.linalg.norm(gravity)):
+            fallen = _fall(observation.points[start:end], gravity)
+            # it may have been thrown: from the top on it falls, and before that it would if time went back
+            top = int(fallen.argmin())
+            far = 0 if 2.0 * times[top] > times[0] + times[-1] else len(times) - 1
+            spent = DRAG * abs(float(times[far] - times[top]))
+            slowed = float(np.linalg.norm(gravity)) * (spent - 1.0 + np.exp(-spent)) / DRAG**2
+            if fallen[far] - fallen[top] < min(HANGING * slowed, LOWERED * size):
                 return True
     return False
 

@@ -159,6 +159,59 @@ def test_a_hanging_object_that_nothing_holds_is_doubted():
     assert "nothing holds it" not in doubts(points=still, gravity=[0.0, 0.0, 0.0], **free)
 
 
+def fallen(times, linear=0.0, quadratic=0.0, thrown=0.0, gravity=9.81):
+    """How far something has fallen [m] that air slows, in small steps."""
+    fine, speed, way, places = 1e-4, -thrown, 0.0, []
+    for step in range(round(times[-1] / fine) + 2):
+        if step * fine >= times[len(places)] - 1e-9:
+            places.append(way)
+            if len(places) == len(times):
+                break
+        speed += fine * (gravity - linear * speed - quadratic * abs(speed) * speed)
+        way += fine * speed
+    return np.array(places)
+
+
+@pytest.mark.parametrize("span", [0.3, 0.6, 1.0, 2.0])
+@pytest.mark.parametrize(
+    "air",
+    [
+        {},
+        {"linear": 4.0},
+        {"quadratic": 1.5},
+        {"thrown": 2.0},
+        {"thrown": 2.0, "linear": 4.0},
+        {"thrown": 2.0, "quadratic": 1.5},
+    ],
+)
+def test_what_air_slows_falls(span, air):
+    times = np.linspace(0.0, span, FRAMES)
+    points = np.repeat(arrays()["points"][:1], FRAMES, axis=0)
+    points[..., 2] -= fallen(times, **air)[:, None]
+    points += np.random.default_rng(1).normal(0, 0.003, points.shape)
+    free = {"controllers": np.zeros((FRAMES, 0, 3), np.float32)}
+    assert "nothing holds it" not in doubts(times=times, points=points, **free)
+
+
+@pytest.mark.parametrize(
+    "height",
+    [
+        lambda t: 0.05 * np.cos(9.0 * t),
+        lambda t: 0.02 * np.sin(30.0 * t),
+        lambda t: -0.15 * t,
+        lambda t: 0.2 * t,
+        lambda t: -0.1 * (1 - np.cos(3.0 * t)),
+    ],
+    ids=["bobs", "shakes", "is lowered", "is lifted", "sinks"],
+)
+def test_what_nobody_is_seen_to_hold_hangs(height):
+    times = np.linspace(0.0, 1.5, FRAMES)
+    points = np.repeat(arrays()["points"][:1], FRAMES, axis=0)
+    points[..., 2] += height(times)[:, None]
+    free = {"controllers": np.zeros((FRAMES, 0, 3), np.float32)}
+    assert "nothing holds it" in doubts(times=times, points=points, **free)
+
+
 def test_doubts_name_what_is_odd():
     lost = arrays()["points"]
     lost[10, 2] += 5.0
