@@ -15,7 +15,7 @@ from torch import Tensor
 from model.bundle import TwinBundle
 from model.formats.parameters import encode_parameters
 from model.gap.bodies.first import first_places
-from model.gap.carried import record_of
+from model.gap.carried import record_of, values_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.bending_stiffness import BendingStiffness
 from model.gap.given import MOST, given_twin
@@ -142,7 +142,7 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
         topology=topology,
         parameters=_of_the_place(mechanics.parameters, observation, plain),
         controls=None if motion is None else evenly_timed(motion, observation.times, fps),
-        effects=(*_slight_bending(world, diagnosis.effects), *diagnosis.effects),
+        effects=_with_slight_bending(world, diagnosis.effects),
     )
     source = SourceRecord(fps=fps, frames=len(observation.times), keyframe=0, scale="the observation's")
     origin = hashlib.sha256(observation.points.tobytes()).hexdigest()
@@ -207,14 +207,27 @@ def _of_the_place(parameters: Parameters, observation: Observation, plain: Plain
     return replace(parameters, globals=own)
 
 
-def _slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tuple[EffectRecord, ...]:
-    """The bending that every plain cloth and rope has, which a bundle has no other place for."""
-    named = {effect.name for effect in effects}
-    if SlightBending.name not in world.simulator.forces or BendingStiffness.name in named:
-        return ()
+def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tuple[EffectRecord, ...]:
+    """With the bending that every plain cloth and rope has, which a bundle has no other place for.
+
+    What resists bending as an effect as well is one with it: energies of two hinges in one place, each at
+    ease in its own turn, are that of one, but for a number. One that acts in a part stands for both: a twin
+    has one such effect.
+    """
+    if SlightBending.name not in world.simulator.forces:
+        return effects
     slight = float(world.simulator.force(SlightBending.name).value("bending_stiffness").max())
-    record = record_of(BendingStiffness, {"bending_stiffness": slight, "memory_of_shape": 1.0})
-    return (EffectRecord.model_validate({**record.model_dump(), "note": NOTE}),)
+    found = [effect for effect in effects if effect.name == BendingStiffness.name]
+    if not found:
+        record = record_of(BendingStiffness, {"bending_stiffness": slight, "memory_of_shape": 1.0})
+        return (EffectRecord.model_validate({**record.model_dump(), "note": NOTE}), *effects)
+    if found[0].acts_on is not None:
+        return effects
+    own = values_of(found[0], BendingStiffness.name)
+    whole = own["bending_stiffness"] + slight
+    memory = (own["bending_stiffness"] * own["memory_of_shape"] + slight) / whole
+    record = record_of(BendingStiffness, {"bending_stiffness": whole, "memory_of_shape": memory})
+    return tuple(record if effect is found[0] else effect for effect in effects)
 
 
 def _dots(places: Float64[Array, "G 3"], colors: UInt8[Array, "G 3"] | None) -> Gaussians:

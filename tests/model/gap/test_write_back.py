@@ -8,9 +8,11 @@ from model.bundle import TwinBundle
 from model.gap.bodies.body import body_of
 from model.gap.carried import record_of
 from model.gap.diagnosis import Diagnosis
-from model.gap.effects import QuadraticAirDrag, SteadyWind
+from model.gap.effects import BendingStiffness, QuadraticAirDrag, SteadyWind
 from model.gap.given import given_twin
-from model.gap.plain import CALM, PlainTwin
+from model.gap.hypothesis import Hypothesis
+from model.gap.plain import CALM, MASS, PlainTwin
+from model.gap.slight_bending import slight_bending
 from model.gap.write_back import twin_of, with_findings
 from model.types import Observation, Parameter
 
@@ -116,6 +118,24 @@ class TestMade:
         bare = replace(twin, effects=twin.effects[:-1])
         np.testing.assert_allclose(bare.rollout(substeps=200).points, predicted(plain, values), atol=2e-5)
         assert np.abs(twin.rollout(substeps=200).points - bare.rollout(substeps=200).points).max() > 1e-5
+
+    def test_a_cloth_that_is_found_to_resist_bending_resists_the_slight_part_too(self, hung, found):
+        """As one hinge, which moves as the diagnosed world does that has two."""
+        plain = PlainTwin.of(body_of(hung), hung)
+        values = {"bending_stiffness": 3e-6, "memory_of_shape": 0.3}
+        made = twin_of(hung, Diagnosis(found(hung), (record_of(BendingStiffness, values),)), plain)
+        (record,) = made.effects
+        slight = float(slight_bending(plain.body, MASS * 9.81).value("bending_stiffness").max())
+        assert record.parameters["bending_stiffness"]["value"] == pytest.approx(3e-6 + slight)
+        assert 0.3 < record.parameters["memory_of_shape"]["value"] < 1.0
+        world = Hypothesis(plain, (BendingStiffness(),)).at(
+            {**starts(plain), **{f"bending_stiffness.{name}": value for name, value in values.items()}}
+        )
+        with torch.no_grad():
+            expected = world.rollout(substeps=200).points.numpy()
+            plainly = predicted(plain, starts(plain))
+        assert np.abs(expected - plainly).max() > 1e-4
+        np.testing.assert_allclose(made.rollout(substeps=200).points, expected, atol=2e-5)
 
     def test_looks_like_what_was_seen(self, hung, found):
         plain = PlainTwin.of(body_of(hung), hung)
