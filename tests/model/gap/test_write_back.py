@@ -8,12 +8,13 @@ from model.bundle import TwinBundle
 from model.gap.bodies.body import body_of
 from model.gap.carried import record_of
 from model.gap.diagnosis import Diagnosis
-from model.gap.effects import BendingStiffness, QuadraticAirDrag, SteadyWind
+from model.gap.effects import BendingStiffness, QuadraticAirDrag, SelfContact, SteadyWind
 from model.gap.given import given_twin
 from model.gap.hypothesis import Hypothesis
 from model.gap.plain import CALM, MASS, PlainTwin
 from model.gap.slight_bending import slight_bending
 from model.gap.write_back import twin_of, with_findings
+from model.simulator.structure import rows, spans
 from model.types import Observation, Parameter
 
 DRAG = record_of(QuadraticAirDrag, {"drag_per_mass": 3.0})
@@ -79,6 +80,32 @@ class TestGiven:
         np.testing.assert_allclose(new.parameters.stiffness, 3.0 * twin.parameters.stiffness, rtol=1e-5)
         assert len(new.effects[0].acts_on) == 27
         assert set(new.effects[0].acts_on) == set(drag.acts_on)
+
+    def test_what_goes_by_the_graph_is_written_as_the_finer_one_has_it(self, twin, seen, found):
+        """Contact at as many metres; rows that resist as much in sum, the interval with them."""
+        with pytest.warns(UserWarning, match="merged"):
+            coarse = given_twin(twin, seen, 20)
+        fine = given_twin(twin, seen, 27)
+        contact = record_of(SelfContact, {"distance": 0.6, "friction": 0.3})
+        stiff = {"bending_stiffness": 1e-4, "memory_of_shape": 0.5}
+        bending = record_of(BendingStiffness, stiff, intervals={"bending_stiffness": (5e-5, 2e-4)})
+        new = with_findings(twin, seen, Diagnosis(found(seen), (contact, bending), starts(coarse)), 20)
+        apart = [
+            np.median(np.linalg.norm(np.diff(one.body.points[one.body.springs], axis=1), axis=-1))
+            for one in (coarse, fine)
+        ]
+        there = new.effects[0].parameters
+        assert there["distance"]["value"] == pytest.approx(0.6 * apart[0] / apart[1])
+        assert there["friction"] == contact.parameters["friction"]
+        sums = [
+            spans(one.body.points, rows(one.body.points, one.body.springs)).sum() for one in (coarse, fine)
+        ]
+        there = new.effects[1].parameters["bending_stiffness"]
+        factor = sums[0] / sums[1]
+        assert factor != pytest.approx(1.0, abs=0.01)
+        assert there["value"] == pytest.approx(1e-4 * factor)
+        assert there["ci95"] == pytest.approx([5e-5 * factor, 2e-4 * factor])
+        assert there["unit"] == "N·m²"
 
     def test_another_hand_leaves_the_grip_of_the_twin(self, twin, seen, found):
         elsewhere = replace(seen, controllers=np.repeat(seen.points[:1, :1], 5, axis=0))
