@@ -15,10 +15,12 @@ from model.types import Array, Parameters
 class HoldLast(Method):
     """Each point stays where it was last seen: what must be beaten by anything that knows of motion.
 
-    Of an interaction of which nothing was seen, the rest shape is all that there is to hold.
+    Of an interaction of which nothing was seen, the rest shape is all that there is to hold. Frame 0 is
+    given, and matches points with truths: it is the rest shape in any case.
     """
 
     name: ClassVar[str] = "hold-last"
+    version: ClassVar[str] = "2"
 
     def fit(self, case: Case) -> "Held":
         """Remember the shape last seen."""
@@ -37,6 +39,8 @@ class Held:
     part_belief: PartBelief | None = None
 
     def predict(self, case: Case) -> Float32[Array, "T N 3"]:
-        """The shape in every frame [m]."""
+        """The shape in every frame after the first [m]."""
         shape = self.shape if case.name == self.case else case.rest
-        return np.repeat(shape[None], len(case.observation.times), axis=0)
+        held = np.repeat(shape[None], len(case.observation.times), axis=0)
+        held[0] = case.rest
+        return held
