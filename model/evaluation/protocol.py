@@ -64,8 +64,9 @@ def judge(task: Task, pictures: Pictures | None = None) -> Record:
     case, shown = task.case, seen_until_split(task.case)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # doubts about thousands of cases help nobody
+        known, ignorance = _knew(task)
         began = time.perf_counter()
-        fitted, failure = _fit(task.method, shown)
+        fitted, failure = (None, ignorance) if ignorance else _fit(task.method, shown)
         fit_seconds = time.perf_counter() - began
         began = time.perf_counter()
         predicted, failed = _predict(fitted, shown, shown, failure)
@@ -89,7 +90,7 @@ def judge(task: Task, pictures: Pictures | None = None) -> Record:
         object_class=case.object_class,
         interaction=case.interaction,
         priors=task.opinion,
-        known_object=task.source is not None and task.method.knew(task.source, case.object_name),
+        known_object=known,
         fit_seconds=fit_seconds,
         predict_seconds=predict_seconds,
         failed=failed,
@@ -118,6 +119,14 @@ def scored(
     }
     scores = {name: value for name, value in found.items() if value is not None}
     return scores if pictures is None else scores | pictures.scores(case, predicted, frames)
+
+
+def _knew(task: Task) -> tuple[bool, str | None]:
+    """Whether the method was trained on the object; or why it cannot say, which is a failure as any other."""
+    try:
+        return task.source is not None and task.method.knew(task.source, task.case.object_name), None
+    except Exception as error:  # as in `_fit`
+        return False, _reason(error)
 
 
 def _fit(method: Method, shown: Case) -> tuple[Fitted | None, str | None]:

@@ -184,6 +184,21 @@ class Cut:
         return np.zeros((2, 3, 3), np.float32)
 
 
+class Forgetful(HoldLast):
+    name = "forgetful"
+
+    def knew(self, source, object_name):
+        raise ValueError("no idea")
+
+
+def test_who_cannot_say_what_it_was_trained_on_has_failed(cases):
+    record = judge(replace(task(Forgetful(), *cases), source="a" * 64))
+    assert record.failed == "ValueError: no idea"
+    assert record.unseen[0].failed == "ValueError: no idea"
+    assert not record.known_object
+    assert record.future == judge(task(HoldLast(), *cases)).future
+
+
 @pytest.mark.parametrize(
     ("method", "reason"),
     [(Broken, "ValueError: two lines"), (Wild, "not finite"), (Short, "shape (2, 3, 3)")],
