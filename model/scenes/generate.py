@@ -34,7 +34,7 @@ def generate(
 ) -> CaseIndex:
     """Make objects with their cases, and the index of the folder.
 
-    Object number i of a seed is the same in every folder that has it.
+    Object number i of a seed is the same in every folder of the same classes; its name says its class.
 
     Args:
         folder: Where the files go: an empty or a new one.
