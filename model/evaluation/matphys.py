@@ -7,9 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
+from model.encoders import ALL_MOTION_ENCODERS
 from model.errors import InputError
 from model.evaluation.baselines.base import Method, PartBelief, Twin
+from model.predictor.checkpoint import load_predictor
 from model.predictor.trained import SHIPPED, TrainedPredictor
+from model.registry import by_name
 from model.scenes.case import Case
 
 
@@ -23,7 +26,8 @@ class MatPhysMethod(Method):
         path: Its weights, or such a folder; None: those that come with the package.
 
     Raises:
-        InputError: there is no such file, or nothing in the folder.
+        InputError: there is no such file, nothing in the folder, or a predictor that looks at pictures, which
+            no method is given.
     """
 
     name: ClassVar[str] = "matphys"
@@ -34,6 +38,8 @@ class MatPhysMethod(Method):
         self._files = tuple(sorted(self.path.glob("*.safetensors"))) if self.path.is_dir() else (self.path,)
         if not self._files or not self._files[0].is_file():
             raise InputError(f"{self.path}: no such predictor: make one with `matphys fit`")
+        for file in self._files:
+            _check_needs_no_pictures(file)
 
     def fit(self, case: Case) -> Twin:
         """Look at the frames before the split and predict.
@@ -67,6 +73,15 @@ class MatPhysMethod(Method):
             if predictor.trained.leaves_out(object_name):
                 return predictor
         raise InputError(f"{self.path}: no predictor in it left out {object_name}: train with --data.folds")
+
+
+def _check_needs_no_pictures(file: Path) -> None:
+    encoder = load_predictor(file).about.encoder
+    if by_name(ALL_MOTION_ENCODERS, encoder, "motion encoder").needs_images:
+        raise InputError(
+            f"{file}: its motion encoder {encoder} looks at pictures, which no method is given here: "
+            "evaluate a predictor that was trained without configs/videomae.yaml"
+        )
 
 
 @cache

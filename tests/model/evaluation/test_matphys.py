@@ -121,8 +121,18 @@ def test_other_weights_are_another_result(checkpoint, tmp_path):
     copy = tmp_path / "copy.safetensors"
     copy.write_bytes(checkpoint.read_bytes())
     assert MatPhysMethod(copy).identity() == MatPhysMethod(checkpoint).identity()
-    copy.write_bytes(checkpoint.read_bytes() + b" ")
+    known = load_predictor(checkpoint)
+    save_predictor(copy, known.network, known.about.model_copy(update={"config": "another"}))
     assert MatPhysMethod(copy).identity() != MatPhysMethod(checkpoint).identity()
+
+
+def test_a_predictor_that_looks_at_pictures_is_refused_before_anything_is_measured(checkpoint, tmp_path):
+    known, path = load_predictor(checkpoint), tmp_path / "films.safetensors"
+    save_predictor(path, known.network, known.about.model_copy(update={"encoder": "videomae"}))
+    for given in (path, tmp_path):
+        with pytest.raises(InputError, match=r"films\.safetensors: its motion encoder videomae") as refused:
+            MatPhysMethod(given)
+        assert "\n" not in str(refused.value)
 
 
 def test_a_predictor_that_is_not_there(tmp_path):

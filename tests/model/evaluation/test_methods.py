@@ -7,6 +7,7 @@ from model.evaluation.baselines import ALL_METHODS
 from model.evaluation.matphys import MatPhysMethod
 from model.evaluation.methods import ALL, SPRING_MASS, chosen
 from model.evaluation.synchronised import Synchronised
+from model.predictor.trained import SHIPPED
 
 
 def test_names_in_their_order():
@@ -15,7 +16,7 @@ def test_names_in_their_order():
 
 def test_a_predictor_under_a_name_of_its_own(tmp_path):
     path = tmp_path / "ablation.safetensors"
-    path.write_bytes(b"weights")
+    path.write_bytes(SHIPPED.read_bytes())
     methods = chosen(f"no-motion={path},hold-last,no-motion-open-loop={path}")
     assert list(methods) == ["no-motion", "hold-last", "no-motion-open-loop"]
     assert methods["no-motion"].inner.path == methods["no-motion-open-loop"].path == path
