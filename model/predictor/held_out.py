@@ -26,7 +26,6 @@ class HeldOut:
         self._totals: list[tuple[float, int]] = []
         self._parts: list[tuple[str, Float64[Array, "K 4"]]] = []
         self._motions: list[Judged] = []
-        self.rolled, self._diverged = 0, 0
 
     def add_beliefs(self, prediction: Prediction, batch: Batch, total: Tensor) -> None:
         """Of a batch, with the weighted sum of its terms that need no rollout."""
@@ -46,13 +45,14 @@ class HeldOut:
             own = rows[scenes == number]
             self._parts.append((example.opinion or "stored", own[np.isfinite(own[:, 1])]))
 
-    def add_motion(self, judged: Judged | None) -> None:
-        """Of a case that was rolled out; None: it diverged."""
-        self.rolled += 1
-        if judged is None:
-            self._diverged += 1
-        else:
-            self._motions.append(judged)
+    @property
+    def rolled(self) -> int:
+        """How many cases were rolled out, those that diverged among them."""
+        return len(self._motions)
+
+    def add_motion(self, judged: Judged) -> None:
+        """Of a case that was rolled out."""
+        self._motions.append(judged)
 
     @classmethod
     def joined(cls, several: Sequence["HeldOut"]) -> "HeldOut":
@@ -62,8 +62,6 @@ class HeldOut:
             whole._totals += one._totals
             whole._parts += one._parts
             whole._motions += one._motions
-            whole.rolled += one.rolled
-            whole._diverged += one._diverged
         return whole
 
     def gathered(self) -> "HeldOut":
@@ -80,7 +78,8 @@ class HeldOut:
         `loss` is the whole loss; `rank_OPINION`, `log_error_OPINION` the rank correlation and the root mean
         square error of the logarithm of the parts' moduli under each opinion (`prior_rank_OPINION`: of the
         prior's own); `coverage` the share of true moduli within the 90 % interval; `past`, `future` mean
-        distances of points over the object's size before and from the split on.
+        distances of points over the object's size before and from the split on; `diverged` the share of cases
+        that did, which count in the others as objects that do not move.
         """
         count = sum(size for _, size in self._totals)
         found = {"loss": sum(total * size for total, size in self._totals) / max(count, 1)}
@@ -91,9 +90,8 @@ class HeldOut:
         every = np.concatenate([rows for _, rows in self._parts]) if self._parts else np.zeros((0, 4))
         if len(every):
             found["coverage"] = float(every[:, 3].mean())
-        if self.rolled:
-            found["diverged"] = self._diverged / self.rolled
         if self._motions:
+            found["diverged"] = float(np.mean([judged.diverged for judged in self._motions]))
             for name in ("track", "chamfer", "past", "future"):
                 found[name] = float(np.nanmean([getattr(judged, name) for judged in self._motions]))
             found["loss"] += weights.track * found["track"] + weights.chamfer * found["chamfer"]

@@ -100,23 +100,32 @@ class Judged:
     past: float
     future: float
     """Mean distance of points over the object's size, in the frames before and from the split on."""
+    diverged: bool = False
+    """The rollout did; the figures are those of an object that does not move."""
 
 
-def judge_motion(case: Case, mechanics: Mechanics) -> Judged | None:
-    """Roll a case out through all of its frames; None: it diverged.
+def judge_motion(case: Case, mechanics: Mechanics) -> Judged:
+    """Roll a case out through all of its frames; one that diverges is judged as if nothing had moved.
 
+    Left out, it would make a predictor that diverges where motion is hard look better than one that does not.
     Distances are to where points really were, where that is known, else to where they were seen.
     """
+    diverged = False
     try:
         with torch.no_grad():
             predicted = roll_out(case, mechanics, checkpoint=False)
     except SimulationDiverged:
-        return None
+        diverged = True
+        predicted = torch.as_tensor(case.rest).expand(len(case.observation.times), -1, -1)
     known = case.observation.points if case.complete is None else case.complete
     distance = np.linalg.norm(predicted.numpy() - known, axis=-1) / object_size(case)
     track, chamfer = _compare(case, predicted[: case.split])
     return Judged(
-        float(track), float(chamfer), _mean(distance[1 : case.split]), _mean(distance[case.split :])
+        float(track),
+        float(chamfer),
+        _mean(distance[1 : case.split]),
+        _mean(distance[case.split :]),
+        diverged,
     )
 
 

@@ -49,11 +49,11 @@ def test_motion_adds_to_the_loss_and_divergence_is_a_share(make_case, sample_of)
     held.add_beliefs(*look(case, sample_of(case), (8, 9), (8, 9), 1.0, None), torch.tensor(1.0))
     held.add_motion(Judged(track=0.2, chamfer=0.4, past=0.01, future=0.02))
     held.add_motion(Judged(track=0.4, chamfer=0.4, past=0.01, future=float("nan")))
-    held.add_motion(None)
+    held.add_motion(Judged(track=0.9, chamfer=1.0, past=0.04, future=0.05, diverged=True))
     found = held.figures(LossWeights(track=2.0, chamfer=0.5))
-    assert found["loss"] == pytest.approx(1.0 + 2.0 * 0.3 + 0.5 * 0.4)
+    assert found["loss"] == pytest.approx(1.0 + 2.0 * 0.5 + 0.5 * 0.6)
     assert found["diverged"] == pytest.approx(1 / 3)
-    assert found["future"] == pytest.approx(0.02)
+    assert found["future"] == pytest.approx(0.035)
     assert held.rolled == 3
     assert np.isfinite(list(found.values())).all()
 
@@ -63,7 +63,7 @@ def test_what_several_processes_gather_counts_as_if_one_had(make_case, sample_of
     sample, whole, shares = sample_of(case), HeldOut(), (HeldOut(), HeldOut())
     for number, (truth, said) in enumerate((((8, 9), (8, 10)), ((10, 11), (9, 12)), ((7, 12), (7, 8)))):
         seen = look(case, sample, truth, said, 1.0, "right")
-        moved = None if number == 1 else Judged(0.1 * number, 0.2, 0.01, 0.02)
+        moved = Judged(0.1 * number, 0.2, 0.01, 0.02, diverged=number == 1)
         for held in (whole, shares[number % 2]):
             held.add_beliefs(*seen, torch.tensor(float(number)))
             held.add_motion(moved)

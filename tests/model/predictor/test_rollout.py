@@ -162,11 +162,32 @@ def test_a_case_that_diverges_is_left_out_and_counted(make_case, sample_of, monk
     none, diverged = motion_terms(prediction, batch, [0], horizon=4)
     assert (none, diverged) == ({}, 1)
     each = mechanics_of(prediction, batch.sample, cases)
-    assert judge_motion(cases[0], each[0]) is None
     judged = judge_motion(cases[1], each[1])
-    assert judged is not None
+    assert not judged.diverged
     assert judged.past > 0.0
     assert judged.future > 0.0
+
+
+def test_a_held_out_case_that_diverges_counts_as_one_that_does_not_move(make_case, sample_of, monkeypatch):
+    from model.predictor import objective
+    from model.simulator.divergence import SimulationDiverged
+
+    def wild(case, mechanics, frames=None, *, checkpoint=True):
+        raise SimulationDiverged(1, 0, "spring", 10)
+
+    def still(case, mechanics, frames=None, *, checkpoint=True):
+        return torch.as_tensor(case.rest)[None].repeat(len(case.observation.times), 1, 1)
+
+    case = make_case(frames=6)
+    batch = make_batch([Example(case, sample_of(case), true_values(case, 2))])
+    mechanics = mechanics_of(prediction_of(batch.sample), batch.sample, [case])[0]
+    found = []
+    for rolled in (wild, still):
+        monkeypatch.setattr(objective, "roll_out", rolled)
+        found.append(judge_motion(case, mechanics))
+    assert [judged.diverged for judged in found] == [True, False]
+    assert replace(found[0], diverged=False) == found[1]
+    assert found[0].track > 0.0
 
 
 def test_frames_from_the_split_on_are_never_trained_on(make_case, sample_of):
