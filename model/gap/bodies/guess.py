@@ -4,16 +4,27 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial.distance import pdist
 
-from model.gap.bodies.path import along
+from model.gap.bodies.path import along, spanning_tree
 from model.gap.size import size_of
 from model.types import Array
 
 Shape: TypeAlias = Literal["rope", "sheet", "solid"]
 
 FEWEST = 20
-"""With fewer points than this no surface is seen; those in a row are markers on a rope."""
+"""With fewer points than this no surface is seen, only how markers lie."""
+MARKERS = 6
+"""With fewer, nothing is told: a rope."""
+ONE_WAY = 0.92
+"""Share of what joins all markers that leads from end to end: of those on a rope, all but noise."""
+STRAIGHT, BESIDE_EACH_OTHER = 0.7, (1.3, 1.35)
+"""A way from end to end that is so straight is no row after row; else markers in rows have more neighbours:
+for each step of the way so many within so many steps."""
+FLAT = 0.35
+"""Least over middle spread of markers on a sheet."""
 SLICES = 12
 SLENDER = 0.05
 """Points of a slice of a rope are this near to each other, as a share of its length: 0.024 along it alone."""
@@ -41,9 +52,9 @@ def guess_shape(places: Float64[Array, "N 3"]) -> Shape:
     Args:
         places: Points on the object [m].
     """
-    away, length = along(places)
     if len(places) < FEWEST:
-        return "rope"
+        return _of_markers(places)
+    away, length = along(places)
     bins = np.clip((SLICES * away / length).astype(int), 0, SLICES - 1)
     slices = [places[bins == b] for b in range(SLICES) if (bins == b).sum() > 2]
     spread = [np.linalg.eigvalsh(np.cov(each.T))[-1] ** 0.5 for each in slices]
@@ -59,6 +70,22 @@ def guess_shape(places: Float64[Array, "N 3"]) -> Shape:
     reach = cKDTree(places).query(places, k=AROUND)[0][:, -1]
     surface = float((np.pi * reach**2 / AROUND).sum())
     return "solid" if surface > CLOSED * hull.area or backed(places) > BACKED else "sheet"
+
+
+def _of_markers(places: Float64[Array, "N 3"]) -> Shape:
+    """Few points in a row are on a rope, else on a sheet where they are flat."""
+    if len(places) < MARKERS:
+        return "rope"
+    tree, apart = spanning_tree(places), pdist(places)
+    steps = tree[np.triu_indices(len(tree), 1)]
+    whole, steps = float(steps.sum()), steps[steps > 0]
+    most, within = BESIDE_EACH_OTHER
+    beside = int((apart < within * np.median(steps)).sum()) / len(steps)
+    one_way = float(dijkstra(tree).max()) >= ONE_WAY * whole
+    if one_way and (float(apart.max()) >= STRAIGHT * whole or beside <= most):
+        return "rope"
+    spread = np.sqrt(np.linalg.eigvalsh(np.cov(places.T)).clip(0))
+    return "sheet" if spread[0] < FLAT * spread[1] else "solid"
 
 
 def backed(places: Float64[Array, "N 3"]) -> float:

@@ -102,6 +102,57 @@ def test_markers_in_a_row_are_a_rope():
     assert set(body.grip[:, 0]) == {0, 1}
 
 
+def grid(rows, columns, noise=0.0, seed=0):
+    """Markers on a cloth, 10 cm apart."""
+    u, v = np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij")
+    flat = 0.1 * np.stack([u, v, 0 * u], -1).reshape(-1, 3)
+    return flat + np.random.default_rng(seed).normal(0, noise, flat.shape)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(4, 4), (3, 3), (3, 4), (2, 4), (2, 8), (3, 6)])
+def test_markers_in_rows_are_a_sheet(rows, columns):
+    turn = Rotation.from_rotvec([0.4, -0.7, 1.0])
+    for noise in (0.0, 0.001, 0.003):
+        for seed in range(5):
+            places = turn.apply(grid(rows, columns, noise, seed))
+            assert guess_shape(places) == "sheet"
+    wave = places + np.outer(0.03 * np.sin(9 * grid(rows, columns)[:, 0]), turn.apply([0.0, 0.0, 1.0]))
+    assert guess_shape(wave) == "sheet"
+    body = body_of(seen(wave, controllers=wave[:1]))
+    assert body.shape == "sheet"
+    assert len(body.points) == rows * columns
+    assert len(body.grip)
+
+
+def test_markers_all_around_are_a_solid():
+    corners = np.stack(np.meshgrid(*3 * [[0.0, 0.1]], indexing="ij"), -1).reshape(-1, 3)
+    for seed in range(5):
+        places = corners + np.random.default_rng(seed).normal(0, 0.002, corners.shape)
+        assert guess_shape(places) == "solid"
+        assert len(np.unique(body_of(seen(places)).springs)) == len(body_of(seen(places)).points)
+
+
+def hook(count):
+    """Markers on a rope that is bent back on itself, its legs 12 cm apart, twice as far as markers."""
+    way = np.linspace(0.0, 0.06 * (count - 1), count)
+    leg = 0.5 * (way[-1] - 0.06 * np.pi)
+    turn = np.clip((way - leg) / 0.06, 0.0, np.pi)
+    x = np.minimum(way, leg) + 0.06 * np.sin(turn) - np.maximum(way - leg - 0.06 * np.pi, 0.0)
+    return np.stack([x, 0.06 * (1 - np.cos(turn)), 0 * x], -1)
+
+
+@pytest.mark.parametrize("count", [3, 5, 8, 9, 14, 19])
+def test_markers_on_a_bent_rope_are_a_rope_in_their_order(count):
+    places = hook(count)
+    order = np.random.default_rng(count).permutation(count)
+    assert guess_shape(places[order]) == "rope"
+    body = body_of(seen(places[order]))
+    assert body.shape == "rope"
+    steps = np.linalg.norm(np.diff(body.points, axis=0), axis=1)
+    longest = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+    assert steps.sum() == pytest.approx(longest, rel=1e-6)
+
+
 def test_a_rope_of_many_points_is_as_long_as_they_say():
     """Its middle line is of means of slices, whose ends are not the rope's."""
     places = np.random.default_rng(1).normal(size=(400, 3)) * 0.002
