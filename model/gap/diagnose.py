@@ -28,8 +28,8 @@ from model.simulator.kernel.threads import kernel_threads, usable_cores
 from model.simulator.pace import StabilityWarning
 from model.types import Observation
 
-LIKELIEST, EXPLAINING = 2, 4
-"""Effects that are fitted: the likeliest ones, and those that explain most after a step."""
+LIKELIEST, EXPLAINING = 1, 4
+"""Effects that are fitted: the jury's likeliest, and those that explain most after a step."""
 SEEN = 0.98
 """An effect that leaves more than this share of what the plain twin does is not there to be seen."""
 BETTER = 0.95

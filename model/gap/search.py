@@ -25,7 +25,7 @@ Progress: TypeAlias = Callable[[float], None]
 
 STRENGTHS = (0.25, 1.0, 4.0, 16.0)
 """Of what a probe is."""
-FAINT = (0.04,)
+FAINT = 0.04
 """So little that hardly anything is different: where an effect begins that helps in no strength."""
 SHARES = (1.0, 0.5, 0.2)
 """Of a step, the best of which is taken: a whole one may lead across a kink."""
@@ -73,32 +73,34 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
             its effect says.
     """
     misfit = study.misfit.of(replace(study.plain, effects=effects))
-    faint, strong = (_scanned(study, misfit, tried, strengths) for strengths in (FAINT, STRENGTHS))
-    there = _stepped(misfit, strong)
+    first = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
+    known = [{**first, **study.base.values, **values} for values in tried]
+    # from faint to strong, which need finer steps in time: only those are rolled out in them
+    strengths = list(product(STRENGTHS, repeat=len(effects)))
+    starts = [_strong(misfit, values, factors) for factors in strengths for values in known]
+    best = _promising(study, misfit, np.stack(starts))
+    misfit.settle()
+    there = _stepped(misfit, starts[best])
+    faint = _strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
     left = float((misfit(faint[None])[0] ** 2).mean())
     return there if there.left < left else Begun(faint, left)
 
 
-def _scanned(
-    study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]], strengths: Sequence[float]
-) -> Float64[Array, " d"]:
-    """Coordinates of those values that would leave least, were the plain twin's parameters to follow."""
-    effects = misfit.hypothesis.effects
-    usual = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
-    amplitudes = [[f"{effect.name}.{name}" for name in effect.absent] for effect in effects]
-    starts: dict[tuple[float, ...], Float64[Array, " d"]] = {}
-    for values, factors in product(tried, product(strengths, repeat=len(effects))):
-        first = {**usual, **study.base.values, **values}
-        scaled = {name: by * first[name] for by, own in zip(factors, amplitudes, strict=True) for name in own}
-        vector = misfit.coordinates.vector({**first, **scaled})
-        starts.setdefault(tuple(vector.round(9)), vector)  # at a bound, several strengths are one
-    vectors = np.stack(list(starts.values()))
-    left = misfit(vectors)
-    jacobian = study.base.jacobian
+def _strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:
+    """Coordinates of values, with each effect so many times as strong."""
+    amplitudes = [[f"{effect.name}.{name}" for name in effect.absent] for effect in misfit.hypothesis.effects]
+    each = zip(factors, amplitudes, strict=True)
+    return misfit.coordinates.vector(
+        {**values, **{name: by * values[name] for by, own in each for name in own}}
+    )
+
+
+def _promising(study: Study, misfit: Misfit, starts: Float64[Array, "s d"]) -> int:
+    """Which of these would leave least, were the plain twin's parameters to follow."""
+    left, jacobian = misfit(starts), study.base.jacobian
     slopes = left @ jacobian
     explained = (slopes * np.linalg.solve(_normal(jacobian), slopes.T).T).sum(1)
-    best: Float64[Array, " d"] = vectors[int(((left**2).sum(1) - explained).argmin())]
-    return best
+    return int(((left**2).sum(1) - explained).argmin())
 
 
 def _stepped(misfit: Misfit, start: Float64[Array, " d"]) -> Begun:

@@ -64,7 +64,7 @@ def test_what_helps_in_no_strength_begins_with_hardly_any(dragged):
 
     found = beginning(dragged, (Late(),), [{DELAY: 0.2}])
     assert found.left < 1.1 * dragged.base.cost
-    assert values_of(dragged, Late(), found)[DELAY] <= FAINT[0] * 0.2 + 1e-9
+    assert values_of(dragged, Late(), found)[DELAY] <= FAINT * 0.2 + 1e-9
 
 
 def test_two_effects_begin_each_at_its_own_strength(dragged):
