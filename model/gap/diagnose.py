@@ -142,7 +142,7 @@ def _supports(
 ) -> dict[EffectName, float]:
     """What speaks for each effect: in the frames of its fit, in later ones, and in another recording.
 
-    There it is as strong as the first recording tells. One that explains nothing in the frames of its fit is
+    There it is as strong as in the first. One that explains nothing in the frames of its fit is
     not tried anywhere else: there is no strength to try it with.
     """
     here, later = plain.estimate.cost, held_out(fitted, plain)
@@ -154,7 +154,7 @@ def _supports(
             continue
         beyond = [(later, held_out(fitted, one))]
         if other is not None and there is not None:
-            beyond.append((there, other.left(one, one.intervals)))
+            beyond.append((there, other.left(one)))
         supports[name] = support((here, one.estimate.cost), *beyond)
     return supports
 

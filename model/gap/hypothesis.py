@@ -24,8 +24,6 @@ class Hypothesis:
     """Quantities that are not free, and their values."""
     where: Field | None = None
     """Where the effects act; None: on all alike."""
-    limits: Mapping[str, tuple[float, float]] | None = None
-    """Of free quantities that may go less far than their own bounds."""
 
     @property
     def quantities(self) -> dict[str, Quantity]:
@@ -35,9 +33,8 @@ class Hypothesis:
             for effect in self.effects
             for name, quantity in effect.quantities.items()
         }
-        held, limits = self.held or {}, self.limits or {}
-        free = {name: q for name, q in {**self.twin.quantities, **own}.items() if name not in held}
-        return {name: _limited(q, limits[name]) if name in limits else q for name, q in free.items()}
+        held = self.held or {}
+        return {name: q for name, q in {**self.twin.quantities, **own}.items() if name not in held}
 
     @property
     def together(self) -> bool:
@@ -51,10 +48,6 @@ class Hypothesis:
     def holding(self, values: Mapping[str, float]) -> "Hypothesis":
         """Some quantities at fixed values."""
         return replace(self, held={**(self.held or {}), **values})
-
-    def within(self, limits: Mapping[str, tuple[float, float]]) -> "Hypothesis":
-        """Free quantities of these names go no farther than this."""
-        return replace(self, limits={**(self.limits or {}), **limits})
 
     def __call__(self, values: Mapping[str, Tensor]) -> World:
         """The world of values, each a scalar or of shape [b, 1]."""
@@ -70,10 +63,3 @@ class Hypothesis:
     def at(self, values: Mapping[str, float]) -> World:
         """The one world of these values."""
         return self({name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()})
-
-
-def _limited(quantity: Quantity, limits: tuple[float, float]) -> Quantity:
-    """The quantity between limits, or so little beside them that it is as good as held."""
-    low, high = quantity.bounds
-    little = 1e-3 * (limits[1] if quantity.log else high - low)
-    return replace(quantity, bounds=(max(low, limits[0] - little), min(high, limits[1] + little)))

@@ -71,20 +71,18 @@ class Transferred:
         known |= self.own
         return forecast(self.observer, here.at(known), self.first, self.state)
 
-    def left(self, one: Fitted, limits: Mapping[str, tuple[float, float]] | None = None) -> float:
+    def left(self, one: Fitted) -> float:
         """Mean square of what a twin leaves unexplained here, over the noise.
 
-        Its own parameters follow: a twin without an effect makes up for it by wrong ones, which would be held
-        against it here, and one with it has others. Its effects stay what they are in the first recording, as
-        far as that tells: what it hardly does would be held against them as well.
-
-        Args:
-            one: Fitted to the first recording.
-            limits: Of its effects' quantities there; those without any are held where they are.
+        Its effects are as strong as in the first recording, its own parameters follow: a twin without an
+        effect makes up for it by wrong ones, which would be held against it here, and one with it has others.
+        Were effects free within what the first recording leaves open, a load of which it says little would
+        fit here by being another one.
         """
-        here, values, limits = self._here(one.hypothesis), one.estimate.values, limits or {}
-        fixed = {name: values[name] for name in here.quantities if "." in name and name not in limits}
-        return self._followed(here.holding(fixed).within(limits), values)[2].cost
+        here = self._here(one.hypothesis)
+        values = one.estimate.values
+        fixed = {name: values[name] for name in here.quantities if "." in name}
+        return self._followed(here.holding(fixed), values)[2].cost
 
     def _here(self, hypothesis: Hypothesis) -> Hypothesis:
         """What acts at a ground or a grip has nothing to act on where there is none."""

@@ -132,11 +132,4 @@ def test_an_effect_that_is_at_work_in_both_recordings_leaves_less_in_the_other(s
     vector = misfit.coordinates.vector(values)
     slopes = np.zeros((len(sheet.base.residuals), len(vector)))
     wrong = replace(sheet.base, values=values, vector=vector, jacobian=slopes)
-    tilted = Fitted(misfit, wrong, plain.foretold)
-    held = found.left(tilted)
-    assert held > 1.5 * left
-    # as far as the first recording tells: hardly at all, or exactly
-    axes = "gravity_tilt.about_x", "gravity_tilt.about_y"
-    assert found.left(tilted, dict.fromkeys(axes, (-0.5, 0.5))) < 1.2 * left
-    exact = {name: (values[name], values[name]) for name in axes}
-    assert found.left(tilted, exact) == pytest.approx(held, rel=0.1)
+    assert found.left(Fitted(misfit, wrong, plain.foretold)) > 1.5 * left
