@@ -62,7 +62,7 @@ def test_what_lies_on_its_side_takes_gravity_along(boot):
 
 @pytest.mark.parametrize(
     ("factor", "line"),
-    [(1000.0, "measures 355 m, the twin 0.355 m: another unit"), (0.1, "is it the twin of")],
+    [(1000.0, "measures 413 m, the twin 0.413 m: another unit"), (0.1, "is it the twin of")],
 )
 def test_another_size_is_refused(boot, factor, line):
     with pytest.raises(InputError, match=line):
