@@ -27,6 +27,7 @@ from model.gap.benchmark.predict import digest, transfer_of, worlds_of
 from model.gap.diagnose import diagnose
 from model.gap.registration import Motion, moved
 from model.gap.schema import GapReport
+from model.gap.taken import Taken
 from model.observation import read_observation
 from model.types import Array, Observation
 
@@ -119,7 +120,9 @@ def said(job: Job) -> Said:
         warnings.simplefilter("ignore")
         seen, *others = (change(read_observation(path)) for path in files)
         try:
-            report = diagnose(seen, transfer=others[0] if others else None).findings.report
+            taken = Taken.of(seen, job.world.name)
+            transfer = taken.other(others[0], files[1].name) if others else None
+            report = diagnose(taken.observation, transfer=transfer).findings.report
             result = Said.of(report, time.monotonic() - began)
         except InputError:
             result = Said(REFUSED, 1.0, {}, time.monotonic() - began)

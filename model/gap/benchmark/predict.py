@@ -14,6 +14,7 @@ from model.errors import InputError
 from model.formats.files import replacing
 from model.gap.diagnosis import Diagnosis
 from model.gap.schema import GapReport
+from model.gap.taken import Taken
 from model.observation import read_observation
 from model.progress import StageReport
 from model.schema import write_json
@@ -134,9 +135,10 @@ def _predict(job: _Job) -> Prediction:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # doubts about an observation are in its report
-            transfer = read_observation(other) if other.exists() else None
-            diagnosis = job.diagnose(read_observation(job.world), transfer=transfer, progress=None)
-        report = diagnosis.findings.report
+            taken = Taken.of(read_observation(job.world), job.world.name)
+            transfer = taken.other(read_observation(other), other.name) if other.exists() else None
+            diagnosis = job.diagnose(taken.observation, transfer=transfer, progress=None)
+        report = taken.report(diagnosis.findings.report)
     except InputError as error:
         refused = str(error)
     except Exception as error:  # one world that breaks must not end the check, and counts as wrong

@@ -151,3 +151,12 @@ def test_another_recording_that_confirms_nothing_is_refused(seen, change, line):
     assert str(caught.value).startswith("other.npz: ")
     assert line in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("part", [slice(1, None), slice(0, None, 2)], ids=["less a frame", "every other"])
+def test_a_part_of_the_first_recording_confirms_nothing(seen, part):
+    other = replace(
+        seen, times=seen.times[part], points=seen.points[part], controllers=seen.controllers[part]
+    )
+    with pytest.raises(InputError, match="found the same motion again"):
+        check_transfer(seen, other, "other.npz")

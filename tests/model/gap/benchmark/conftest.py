@@ -10,7 +10,7 @@ from model.gap.diagnosis import Diagnosis
 from model.gap.report.findings import Findings
 from model.gap.schema import EFFECT_NAMES, SCHEMA, GapReport
 
-POINTS, FRAMES = 6, 5
+POINTS, FRAMES = 6, 30
 ACTS = (1.0, 0.9, 0.6, 0.1, 0.0, 0.0)
 
 
@@ -88,11 +88,11 @@ def diagnosis_of(report):
 
 
 def write_world(folder, name, transfer=True):
-    rng = np.random.default_rng(len(name))
-    points = (rng.normal(0, 0.1, (1, POINTS, 3)) + np.zeros((FRAMES, 1, 1))).astype(np.float32)
-    arrays = {"times": np.arange(FRAMES) / 30, "points": points, "controllers": points[:, :1]}
-    for ending in ("", ".transfer") if transfer else ("",):
-        np.savez(folder / f"{name}{ending}.npz", **arrays)
+    rest = np.random.default_rng(len(name)).normal(0, 0.1, (1, POINTS, 3))
+    times = np.arange(FRAMES) / 30
+    for ending, along in (("", 0), (".transfer", 1)) if transfer else (("", 0),):
+        points = (rest + np.outer(0.05 * np.sin(3 * times), np.eye(3)[along])[:, None]).astype(np.float32)
+        np.savez(folder / f"{name}{ending}.npz", times=times, points=points, controllers=points[:, :1])
 
 
 @pytest.fixture
