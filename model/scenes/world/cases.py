@@ -74,7 +74,7 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
         script.rotation,
         script.shift,
         script.controllers,
-        _grip(thing, topology),
+        _grip(thing, script),
         script.times,
         STANDARD_GRAVITY,
     )
@@ -155,13 +155,14 @@ def _posed(topology: Topology, script: Script) -> Topology:
     )
 
 
-def _grip(thing: Thing, topology: Topology) -> Grip:
-    """How firmly the hands hold the twin that is the truth."""
+def _grip(thing: Thing, script: Script) -> Grip:
+    """How firmly the hands hold a twin that was joined by the right priors: the world knows no other."""
+    topology = _posed(thing.informed, script)
     known = PriorMeanPredictor().from_priors(
         topology, thing.exact, thing.shape.shape_class, STANDARD_GRAVITY, 0.0
     )
     firm = known.controller_stiffness.astype(np.float64)
-    return Grip(topology.controller_springs, firm, thing.truth.dashpot_damping, topology.points)
+    return Grip(topology.controller_springs, firm, thing.dashpot, topology.points)
 
 
 def _moved(points: Float32[Array, "N 3"] | Float64[Array, "N 3"], script: Script) -> Float32[Array, "N 3"]:

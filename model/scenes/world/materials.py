@@ -89,16 +89,19 @@ def draw_substances(
     object_class: ObjectClass, shape_class: ShapeClass, parts: int, rng: np.random.Generator
 ) -> tuple[Substance, ...]:
     """What the parts of one object are made of; two parts of the same material are the same substance."""
+    chosen = draw_materials(object_class, parts, rng)
+    if object_class == "mixed" and parts > 1:
+        while len(set(chosen)) == 1:
+            chosen = draw_materials(object_class, parts, rng)
+    made = {material: draw_substance(material, shape_class, rng) for material in dict.fromkeys(chosen)}
+    return tuple(made[material] for material in chosen)
+
+
+def draw_materials(object_class: ObjectClass, parts: int, rng: np.random.Generator) -> tuple[int, ...]:
+    """For each part by itself one of the materials of the class, as often as its things are made of them."""
     weights = LIKELY[object_class]
     chance = np.array([weights.get(name, 0.0) for name in MATERIALS], np.float64)
-    chosen = rng.choice(len(MATERIALS), parts, p=chance / chance.sum())
-    if object_class == "mixed" and parts > 1:
-        while len(set(chosen.tolist())) == 1:
-            chosen = rng.choice(len(MATERIALS), parts, p=chance / chance.sum())
-    made = {
-        int(material): draw_substance(int(material), shape_class, rng) for material in dict.fromkeys(chosen)
-    }
-    return tuple(made[int(material)] for material in chosen)
+    return tuple(int(one) for one in rng.choice(len(MATERIALS), parts, p=chance / chance.sum()))
 
 
 def draw_substance(material: int, shape_class: ShapeClass, rng: np.random.Generator) -> Substance:

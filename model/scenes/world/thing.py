@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float64
@@ -15,7 +16,7 @@ from model.scenes.looks import paint, wardrobe
 from model.scenes.priors import believed, peaked
 from model.scenes.world.body import shares
 from model.scenes.world.interactions import Handled
-from model.scenes.world.materials import Substance, draw_substances
+from model.scenes.world.materials import Substance, draw_materials, draw_substances
 from model.scenes.world.shapes import Shape, draw_shape
 from model.scenes.world.truth import World, affordable, fine_graph, make_world
 from model.skinning import bind
@@ -62,7 +63,12 @@ class Thing:
     priors: tuple[MaterialPrior, ...]
     """Right ones, with the density known."""
     topology: Topology
-    """The twin's, with nothing that holds it."""
+    """The twin's, with nothing that holds it; its springs tell nothing of what the parts are made of."""
+    informed: Topology
+    """The same points with the springs that the right priors ask for: by them the world's hands and dashpots
+    are measured."""
+    dashpot: float
+    """Of each spring of `informed` [N·s/m]."""
     world: World
     truth: Truth
     exact: tuple[MaterialPrior, ...]
@@ -88,19 +94,21 @@ def draw_thing(name: str, object_class: ObjectClass, rng: np.random.Generator) -
         substances = _bearing(shape, volume, rng)
         priors = _right(substances, shape.shape_class, rng)
         count = int(np.exp(rng.uniform(*np.log(TWIN_POINTS[shape.shape_class]))))
-        topology = build_topology(
+        join = partial(
+            build_topology,
             gaussians,
             Parts(parts.labels, shape.body.parts),
-            priors,
-            shape.shape_class,
-            Controllers(np.zeros((2, 0, 3), np.float32), np.zeros(0, np.int64)),
+            shape_class=shape.shape_class,
+            controllers=Controllers(np.zeros((2, 0, 3), np.float32), np.zeros(0, np.int64)),
             bind=bind,
             point_count=count,
             seed=int(rng.integers(2**31)),
         )
-        if np.bincount(topology.part, minlength=shape.body.parts).min() >= FEWEST:
+        informed = join(priors=priors)
+        if np.bincount(informed.part, minlength=shape.body.parts).min() >= FEWEST:
+            topology = join(priors=_blind(shape, substances, *rng.spawn(1)))
             colored = paint(gaussians, parts, [one.material for one in substances], wardrobe(name))
-            return _completed(name, shape, substances, colored, priors, topology, rng)
+            return _completed(name, shape, substances, colored, priors, topology, informed, rng)
 
 
 def _bearing(shape: Shape, volume: Float64[Array, " K"], rng: np.random.Generator) -> tuple[Substance, ...]:
@@ -151,6 +159,19 @@ def _right(
     return with_density([beliefs[one.material] for one in substances], substances)
 
 
+def _blind(
+    shape: Shape, substances: Sequence[Substance], rng: np.random.Generator
+) -> tuple[MaterialPrior, ...]:
+    """Beliefs to join a twin by, of materials that are drawn anew for each part.
+
+    So springs are as dense as an expert may have them, but no twin carries a hint of the truth to where the
+    prior is undecided or wrong. The density is the known one, which nobody is kept from.
+    """
+    drawn = draw_materials(shape.object_class, len(substances), rng)
+    beliefs = [believed(peaked(material, rng), shape.shape_class) for material in drawn]
+    return with_density(beliefs, substances)
+
+
 def _completed(
     name: str,
     shape: Shape,
@@ -158,26 +179,31 @@ def _completed(
     gaussians: Gaussians,
     priors: tuple[MaterialPrior, ...],
     topology: Topology,
+    informed: Topology,
     rng: np.random.Generator,
 ) -> Thing:
-    """The object with its world, its truth and its surface."""
+    """The object with its world, its truth and its surface.
+
+    Of these only what is said of the twin's springs depends on how they were joined: the dashpot in the
+    truth, which is such that they resist as the world's do.
+    """
     body, shape_class = shape.body, shape.shape_class
-    count = int(len(topology.points) * rng.uniform(*FINER[shape_class]))
+    count = int(len(informed.points) * rng.uniform(*FINER[shape_class]))
     graph = fine_graph(body, substances, shape_class, count, rng)
     density = np.array([one.density for one in substances])
     wanted = np.array([one.stiffness for one in substances])
     modulus = affordable(graph, wanted, density, shape_class)
     exact = _exact(substances, modulus, shape_class)
-    known = PriorMeanPredictor().from_priors(topology, exact, shape_class, STANDARD_GRAVITY, 0.0)
+    known = PriorMeanPredictor().from_priors(informed, exact, shape_class, STANDARD_GRAVITY, 0.0)
     value = {key: float(one.value) for key, one in known.globals.items() if isinstance(one.value, float)}
-    viscosity = value["dashpot_damping"] * float((topology.rest_length.astype(np.float64) ** 2).sum())
+    viscosity = value["dashpot_damping"] * _squares(informed)
     world = make_world(
         graph, substances, shape_class, modulus, viscosity, value["friction"], value["restitution"], rng
     )
     truth = Truth(
         material=np.array([one.material for one in substances]),
         modulus=modulus,
-        dashpot_damping=value["dashpot_damping"],
+        dashpot_damping=viscosity / _squares(topology),
         drag_rate=float(np.average(world.drag_rate, weights=graph.mass)),
         friction=value["friction"],
         restitution=value["restitution"],
@@ -192,6 +218,8 @@ def _completed(
         gaussians=gaussians,
         priors=priors,
         topology=topology,
+        informed=informed,
+        dashpot=value["dashpot_damping"],
         world=world,
         truth=truth,
         exact=exact,
@@ -200,6 +228,11 @@ def _completed(
         world_anchors=_beside(places, normals, graph),
         twin_anchors=anchor(places, topology.points, topology.springs),
     )
+
+
+def _squares(topology: Topology) -> float:
+    """Σ L² over the springs [m²]."""
+    return float((topology.rest_length.astype(np.float64) ** 2).sum())
 
 
 def _exact(
