@@ -81,7 +81,9 @@ def make_batch(examples: Sequence[Example]) -> Batch:
 def true_values(case: Case, parts: int) -> TrueValues:
     """What the prediction of a case should have been.
 
-    Springs across a border take the mean modulus of their two parts, as `lattice_stiffness` has them.
+    Springs across a border take the mean of the logarithms of their two parts' moduli, as the world has them
+    (`model/scenes/world/truth.py`). The mean modulus, which `lattice_stiffness` takes, is at least half the
+    stiffer one's however soft the other part is.
 
     Args:
         case: With or without a truth.
@@ -91,12 +93,13 @@ def true_values(case: Case, parts: int) -> TrueValues:
     if truth is None:
         springs = len(case.topology.springs)
         return TrueValues(_unknown(springs), _unknown(parts), _unknown(1, 4))
-    logs, ends = np.log(truth.modulus), truth.modulus[case.topology.part[case.topology.springs]]
+    logs = np.log(truth.modulus)
+    ends = logs[case.topology.part[case.topology.springs]]
     bounce = np.clip(truth.restitution, LEAST_BOUNCE, 1.0 - LEAST_BOUNCE)
     positive = np.log(np.maximum([truth.dashpot_damping, truth.drag_rate, truth.friction], 1e-6))
     values = np.append(positive, np.log(bounce / (1.0 - bounce)))
     return TrueValues(
-        torch.as_tensor(np.log(ends.mean(axis=1)), dtype=torch.float32),
+        torch.as_tensor(ends.mean(axis=1), dtype=torch.float32),
         torch.as_tensor(logs, dtype=torch.float32),
         torch.as_tensor(values[None], dtype=torch.float32),
     )

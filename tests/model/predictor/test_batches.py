@@ -5,6 +5,8 @@ import pytest
 import torch
 
 from model.predictor.batches import Example, make_batch, true_values
+from model.scenes.true_parameters import true_parameters
+from model.scenes.world.truth import part_stiffness, part_volumes
 
 
 def test_truth_is_in_the_coordinates_of_a_prediction(make_case):
@@ -12,12 +14,24 @@ def test_truth_is_in_the_coordinates_of_a_prediction(make_case):
     truth = true_values(case, 2)
     np.testing.assert_allclose(truth.part_log_modulus, np.log([4e3, 4e4]), rtol=1e-6)
     part = case.topology.part[case.topology.springs]
-    border = part[:, 0] != part[:, 1]
-    np.testing.assert_allclose(truth.log_modulus[border], np.log(2.2e4), rtol=1e-6)
     np.testing.assert_allclose(truth.log_modulus[(part == 1).all(1)], np.log(4e4), rtol=1e-6)
     values = truth.globals[0]
     assert float(values[0]) == pytest.approx(np.log(case.truth.dashpot_damping), rel=1e-5)
     assert float(values[3].sigmoid()) == pytest.approx(case.truth.restitution, rel=1e-5)
+
+
+def test_springs_across_a_border_are_taught_as_the_world_has_them(make_case):
+    case = make_case(modulus=(4e3, 4e5))
+    part = case.topology.part[case.topology.springs]
+    border = part[:, 0] != part[:, 1]
+    logs = true_values(case, 2).log_modulus.numpy()
+    np.testing.assert_allclose(logs[border], np.log(4e4), rtol=1e-6)
+    density = np.array([prior.properties["density"].mean for prior in case.priors])
+    volume = part_volumes(case.topology, density)
+    world = part_stiffness(case.topology, case.truth.modulus, volume, case.shape_class)
+    unit = part_stiffness(case.topology, np.ones(2), volume, case.shape_class)
+    np.testing.assert_allclose(logs, np.log(world / unit), rtol=1e-6)
+    np.testing.assert_allclose(true_parameters(case).stiffness, world, rtol=1e-5)
 
 
 def test_restitution_at_its_bounds_has_a_finite_logit(make_case):
