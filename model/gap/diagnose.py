@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Mapping
 
+from model.gap.account import Account, Explained
 from model.gap.acts_on import acting
 from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
@@ -16,12 +17,14 @@ from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
+from model.gap.schema import EFFECT_NAMES
 from model.gap.search import Begun, beginning, searched, values_of
 from model.gap.signs import Signs, signs_of
 from model.gap.size import size_of
 from model.gap.study import Study, study
 from model.gap.transfer import Transferred, transferred
-from model.gap.verdict import Judged, judged, second_of, support
+from model.gap.verdict import Judged, judged, second_of
+from model.gap.weighing import Weighing
 from model.one_thread import one_thread
 from model.schema import EffectName
 from model.simulator.kernel.threads import kernel_threads, usable_cores
@@ -88,7 +91,7 @@ def _diagnosed(
     here = closure(fitted, plain, tried.chosen, flexible)
     found = Found(fitted, plain, tried, signs, evidence, locate(fitted), here, there)
     tell("report", 0.97)
-    return Diagnosis(found.findings(), found.records(), found.own_values())
+    return Diagnosis(found.findings(), found.records(), found.own_values(), tried.account)
 
 
 def _tried(
@@ -105,13 +108,16 @@ def _tried(
     confirmed = {
         name: confirm(fitted, plain, (effects[name],), begins[name].vector) for name in _likely(first, begins)
     }
-    supports = _supports(fitted, other, plain, confirmed)
-    verdict = first.supported(supports, fitted.plain.twin.body.shape)
-    if other is not None:
-        verdict = verdict.puzzled(*_astray(fitted, other, plain))
+    account = Account(
+        fitted.plain.twin.body.shape,
+        {name: first.chances[name] for name in EFFECT_NAMES},
+        _explained(fitted, other, plain, confirmed),
+        _astray(fitted, other, plain),
+    )
+    verdict = Weighing.shipped().judged(account)
     best = verdict.effect
     if best is None:
-        return Tried(verdict, confirmed, None, None, None)
+        return Tried(verdict, confirmed, None, None, None, account)
     effect = effects[best]
     if best not in confirmed:
         confirmed[best] = confirm(fitted, plain, (effect,), begins[best].vector)
@@ -126,9 +132,9 @@ def _tried(
             both = None
     place = acting(fitted, confirmed[best].estimate, effect)
     if both is not None:
-        return Tried(verdict, confirmed, second, both, place)
+        return Tried(verdict, confirmed, second, both, place, account)
     confirmed[best] = localised(fitted, plain, confirmed[best], place)
-    return Tried(verdict, confirmed, None, confirmed[best], place)
+    return Tried(verdict, confirmed, None, confirmed[best], place, account)
 
 
 def _likely(first: Judged, begins: Mapping[EffectName, Begun]) -> list[EffectName]:
@@ -137,30 +143,29 @@ def _likely(first: Judged, begins: Mapping[EffectName, Begun]) -> list[EffectNam
     return list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
 
 
-def _supports(
+def _explained(
     fitted: Study, other: Transferred | None, plain: Fitted, confirmed: Mapping[EffectName, Confirmed]
-) -> dict[EffectName, float]:
-    """What speaks for each effect: in the frames of its fit, in later ones, and in another recording.
+) -> dict[EffectName, Explained]:
+    """What each effect explains: in the frames of its fit, in later ones, and in another recording.
 
     There it is as strong as in the first. One that explains nothing in the frames of its fit is
     not tried anywhere else: there is no strength to try it with.
     """
     here, later = plain.estimate.cost, held_out(fitted, plain)
     there = None if other is None else other.left(plain)
-    supports: dict[EffectName, float] = {}
+    explained: dict[EffectName, Explained] = {}
     for name, one in confirmed.items():
         if one.estimate.cost >= SEEN * here:
-            supports[name] = 0.0
+            explained[name] = Explained()
             continue
-        beyond = [(later, held_out(fitted, one))]
-        if other is not None and there is not None:
-            beyond.append((there, other.left(one)))
-        supports[name] = support((here, one.estimate.cost), *beyond)
-    return supports
+        elsewhere = None if other is None or there is None else (there, other.left(one))
+        explained[name] = Explained.of((here, one.estimate.cost), (later, held_out(fitted, one)), elsewhere)
+    return explained
 
 
-def _astray(fitted: Study, other: Transferred, plain: Fitted) -> tuple[float, float]:
-    """How far off the refitted twin's free runs are in both recordings, over the size of the object."""
+def _astray(fitted: Study, other: Transferred | None, plain: Fitted) -> tuple[float, ...]:
+    """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     size = size_of(plain.world.system.points.double().numpy())
-    there = other.forecast(fitted.plain, plain.estimate.values)
-    return plain.foretold.error / size, there.error / size
+    there = None if other is None else other.forecast(fitted.plain, plain.estimate.values)
+    runs = (plain.foretold, *(() if there is None else (there,)))
+    return tuple(one.error / size for one in runs)

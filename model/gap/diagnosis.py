@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from model.gap.account import Account
 from model.gap.report.findings import Findings
 from model.schema import EffectRecord
 
@@ -18,3 +19,5 @@ class Diagnosis:
     fitted: Mapping[str, float] | None = None
     """Values of the plain twin's own quantities, fitted together with `effects`, which belong to them; those
     of effects may be among them. None: as the twin came."""
+    account: Account | None = None
+    """What the verdict was made of."""

@@ -17,8 +17,8 @@ WINDOW = 0.7
 a small error of the start is as large as any missing physics, and wrong twins cannot be told apart."""
 
 FINER = (1, 2, 4)
-"""Times as many substeps as stability asks for at rest: a spring that stiffens needs more once it is strained, and
-a twin that is right must not be lost to its time steps."""
+"""Times as many substeps as stability asks for at rest: a spring that stiffens needs more once it is
+strained, and a twin that is right must not be lost to its time steps."""
 
 
 @dataclass(frozen=True)

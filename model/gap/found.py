@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from model.gap.account import Account
 from model.gap.acts_on import Acting
 from model.gap.carried import record_of
 from model.gap.closure import Closed
@@ -45,6 +46,8 @@ class Tried:
     """Of the verdict, with one effect or two; None: it names none."""
     acting: Acting | None
     """Where the verdict's effect acts."""
+    account: Account
+    """What the verdict was made of."""
 
     def fit_of(self, name: EffectName) -> Confirmed | None:
         """The fit that an effect's numbers are of: the verdict's, if it is one of its effects."""

@@ -53,7 +53,7 @@ class QuadraticAirDrag(Effect):
     source = AirDrag.__doc__ or ""
     acts = "surroundings"
     quantities: ClassVar[Mapping[str, Quantity]] = {
-        "drag_per_mass": Quantity("1/m", (0.005, 30.0), 0.5, log=True)
+        "drag_per_mass": Quantity("1/m", (0.005, 100.0), 0.5, log=True)
     }
     absent: ClassVar[Mapping[str, float]] = {"drag_per_mass": 0.0}
     grid: ClassVar[Grid] = {"drag_per_mass": (0.2, 1.5)}

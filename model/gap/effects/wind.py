@@ -67,7 +67,7 @@ class SteadyWind(Effect):
     source = Wind.__doc__ or ""
     acts = "surroundings"
     quantities: ClassVar[Mapping[str, Quantity]] = {
-        "drag_per_mass": Quantity("1/m", (0.02, 10.0), 0.5, log=True),
+        "drag_per_mass": Quantity("1/m", (0.02, 100.0), 0.5, log=True),
         "x": Quantity("m/s", (-8.0, 8.0), 0.5),
         "y": Quantity("m/s", (-8.0, 8.0), 0.5),
     }

@@ -9,22 +9,12 @@ import pytest
 from model import cli
 from model.bundle import TwinBundle
 from model.gap.carried import record_of
-from model.gap.classifier import CLASSES, Jury
-from model.gap.effects import QuadraticAirDrag
+from model.gap.effects import GravityTilt
 from model.observation import write_observation
 from model.types import Observation, Parameter
 
 FRAMES = 24
-TRUTH = record_of(QuadraticAirDrag, {"drag_per_mass": 8.0})
-
-
-class Sure(Jury):
-    """Nine of ten for drag."""
-
-    def probabilities(self, signs):
-        rest = 0.1 / (len(CLASSES) - 1)
-        chances = [0.9 if name == QuadraticAirDrag.name else rest for name in CLASSES]
-        return np.array([chances for _ in signs])
+TRUTH = record_of(GravityTilt, {"about_x": 0.3, "about_y": -0.1})
 
 
 @pytest.fixture
@@ -38,7 +28,7 @@ def twin(twin_path) -> TwinBundle:
 
 
 def seen(twin: TwinBundle, pace: float) -> Observation:
-    """What a twin with drag does under a hand that goes to and fro, with noise; every other point."""
+    """What a twin does in tilted gravity under a hand that goes to and fro, with noise; every other point."""
     times = np.arange(FRAMES) / 30
     hand = np.repeat(twin.topology.controller_points[None], FRAMES, 0)
     hand[..., 0] += (0.05 * np.sin(pace * times)[:, None]).astype(np.float32)
@@ -54,8 +44,7 @@ def error(twin: TwinBundle, observation: Observation) -> float:
 
 
 @pytest.mark.slow
-def test_a_twin_is_questioned_and_mended(twin, twin_path, tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
+def test_a_twin_is_questioned_and_mended(twin, twin_path, tmp_path, capfd):
     first, second = seen(twin, 9.0), seen(twin, 6.0)
     write_observation(tmp_path / "seen.npz", first)
     write_observation(tmp_path / "other.npz", second)
@@ -65,11 +54,11 @@ def test_a_twin_is_questioned_and_mended(twin, twin_path, tmp_path, monkeypatch,
     ]
     assert cli.main([str(word) for word in arguments]) == 0, capfd.readouterr().err
     report = json.loads((tmp_path / "gap" / "report.json").read_text())
-    assert report["verdict"]["effect"] == "quadratic_air_drag"
-    assert report["gap"]["refit"] < 0.3 * report["gap"]["baseline"]
+    assert report["verdict"]["effect"] == "gravity_tilt"
+    assert report["gap"]["with_effect"] < 0.3 * report["gap"]["refit"]
     assert report["gap"]["transfer"] is not None
     mended = TwinBundle.load(tmp_path / "mended.twin.zip")
-    assert [record.name for record in mended.effects] == ["quadratic_air_drag"]
+    assert [record.name for record in mended.effects] == ["gravity_tilt"]
     assert error(mended, first) < 0.25 * error(twin, first)
     assert error(mended, second) < 0.25 * error(twin, second)
     stages = [line.split()[-1] for line in capfd.readouterr().err.splitlines() if "%" in line]

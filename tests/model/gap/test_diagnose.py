@@ -60,12 +60,14 @@ def holds(diagnosis, observation):
 
 @pytest.mark.slow
 def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
-    sure("unknown")
+    sure("none")
     told = []
     diagnosis = diagnose(swinging, progress=lambda stage, share: told.append((stage, share)))
     report = holds(diagnosis, swinging)
-    assert report.verdict.effect == "unknown"
-    assert report.verdict.probability >= 0.8
+    assert report.verdict.effect == "none"
+    assert report.verdict.probability >= 0.5
+    assert len(diagnosis.account.astray) == 1
+    assert 0.0 < diagnosis.account.astray[0] < 0.1
     assert set(report.where.acts_on) == {0.0}
     assert report.gap.with_effect is None
     assert (diagnosis.effects, diagnosis.fitted) == ((), None)

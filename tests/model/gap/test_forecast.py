@@ -1,6 +1,5 @@
 """Free runs foretell what they have not seen, and nothing else does."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,6 @@ from model.gap.closure import MEAN_DISTANCE
 from model.gap.forecast import forecast, windows
 from model.gap.observer import Observer
 from model.simulator.divergence import SimulationDiverged
-from model.simulator.pace import StabilityWarning
 
 NOISE = 5e-4
 
@@ -64,16 +62,14 @@ def test_a_lost_run_is_off_by_what_is_lost(sheet, monkeypatch):
     assert np.isfinite(found.innovations).all()
 
 
+@pytest.mark.filterwarnings("ignore::model.simulator.pace.StabilityWarning")
 def test_what_too_long_steps_lose_is_tried_in_finer_ones(sheet, monkeypatch):
     values = sheet.base.values
     world = sheet.plain.at({**values, "stiffness": 30.0 * values["stiffness"]})
     usual = forecast(sheet.observer, world, sheet.split)
     coarse = sheet.observer.substeps(world) // 3
-    with pytest.raises(SimulationDiverged), warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)
+    with pytest.raises(SimulationDiverged):
         sheet.observer.lead(world, substeps=coarse)
     monkeypatch.setattr(Observer, "substeps", lambda self, world: coarse)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)
-        found = forecast(sheet.observer, world, sheet.split)
+    found = forecast(sheet.observer, world, sheet.split)
     assert found.error == pytest.approx(usual.error, rel=0.01)

@@ -1,0 +1,243 @@
+"""Make the weights by which a diagnosis judges what its fits explain.
+
+    python -m benchmarks.gap.weighing gather out/worlds/clear --out out/told/clear
+    python -m benchmarks.gap.weighing gather out/worlds/dev --out out/told/dev
+    python -m benchmarks.gap.weighing train out/told/clear out/told/dev --out model/gap/weighing.json
+
+`gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
+sealed labels are refused. What the folder holds is not done again. `train` fits eight weights, and says how
+well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect.
+"""
+
+import argparse
+import json
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, fields
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.optimize import minimize
+from scipy.special import logsumexp
+
+from model.gap.account import Account, Explained
+from model.gap.benchmark.labels import PLAIN, open_labels
+from model.gap.benchmark.predict import transfer_of
+from model.gap.classifier import NONE, UNKNOWN
+from model.gap.diagnose import diagnose
+from model.gap.schema import EFFECT_NAMES
+from model.gap.taken import Taken
+from model.gap.verdict import Judged
+from model.gap.weighing import Weighing
+from model.observation import read_observation
+from model.types import Array
+
+SEEN = 1.5
+"""Signal-to-noise from which an effect is there to be learned from."""
+USUAL = Weighing(
+    effect=-5.0, fitted=3.0, later=3.0, elsewhere=3.0, sheet=-1.0, buckling=-4.0, unknown=-2.0, astray=1.0
+)
+"""What weights are before any world was seen: three e-folds explained make up for how rare each effect is."""
+STIFF = 0.2
+"""How much a weight costs that is one away from that, in nats."""
+ANSWERS = (*EFFECT_NAMES, NONE, UNKNOWN)
+BINS = 5
+"""Of the calibration error."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """A development world: what its diagnosis saw, and what is right."""
+
+    world: str
+    group: str
+    truth: tuple[str, ...]
+    """Effects at work; those from outside of the catalogue by their names."""
+    magnitude: float | None
+    account: Account
+
+    @property
+    def right(self) -> tuple[str, ...]:
+        """Answers that are right."""
+        known = tuple(name for name in self.truth if name in EFFECT_NAMES)
+        return known or ((UNKNOWN,) if self.truth else (NONE,))
+
+    @property
+    def clear(self) -> bool:
+        """Nothing is at work, or it can be seen."""
+        return not self.truth or (self.magnitude or 0.0) >= SEEN
+
+    @classmethod
+    def read(cls, path: Path) -> "Told":
+        """What `gather` wrote."""
+        content = json.loads(path.read_bytes())
+        account = content.pop("account")
+        explained = {name: Explained(**each) for name, each in account["explained"].items()}
+        known = Account(account["shape"], account["screened"], explained, tuple(account["astray"]))
+        return cls(**content | {"truth": tuple(content["truth"]), "account": known})
+
+
+def gathered(world: str, folder: Path, truth: tuple[str, ...], magnitude: float | None, out: Path) -> str:
+    """One world diagnosed, its account written down."""
+    path, kept = folder / f"{world}.npz", out / f"{world}.json"
+    if kept.is_file():
+        return kept.name
+    warnings.simplefilter("ignore")
+    taken = Taken.of(read_observation(path), path.name)
+    other = transfer_of(path)
+    transfer = taken.other(read_observation(other), other.name) if other.is_file() else None
+    account = diagnose(taken.observation, transfer=transfer).account
+    assert account is not None
+    kept.write_text(json.dumps(asdict(Told(world, folder.name, truth, magnitude, account)), indent=1))
+    return kept.name
+
+
+def learned(worlds: Sequence[Told]) -> Weighing:
+    """The weights under which what is right is likeliest, near the usual ones where worlds do not say."""
+    before = np.array([getattr(USUAL, field.name) for field in fields(Weighing)])
+    slopes, offsets = _linear([one.account for one in worlds])
+    right = np.array([[name in one.right for name in ANSWERS] for one in worlds]).reshape(len(worlds), -1)
+
+    def cost(weights: Float64[Array, " k"]) -> tuple[float, Float64[Array, " k"]]:
+        scores = slopes @ weights + offsets
+        chances = np.exp(scores - logsumexp(scores, axis=1, keepdims=True))
+        among = np.where(right, chances, 0.0)
+        share = among.sum(1, keepdims=True)
+        slope = np.einsum("wa,wak->k", chances - among / share, slopes)
+        apart = weights - before
+        return float(STIFF * (apart**2).sum() - np.log(share).sum()), slope + 2.0 * STIFF * apart
+
+    return Weighing(*minimize(cost, before, jac=True, method="L-BFGS-B").x.tolist())
+
+
+def _linear(accounts: Sequence[Account]) -> tuple[Float64[Array, "w a k"], Float64[Array, "w a"]]:
+    """Slopes of all scores along the weights, and what they are without any."""
+    count = len(fields(Weighing))
+
+    def table(weights: Float64[Array, " k"]) -> Float64[Array, "w a"]:
+        scores = [Weighing(*weights.tolist()).scores(account) for account in accounts]
+        return np.array([[one[name] for name in ANSWERS] for one in scores]).reshape(len(accounts), -1)
+
+    offsets = table(np.zeros(count))
+    return np.stack([table(unit) - offsets for unit in np.eye(count)], axis=-1), offsets
+
+
+def chance_of(judged: Judged, one: Told) -> float:
+    """Of what is right."""
+    return sum(judged.chances[name] for name in one.right)  # type: ignore[index]
+
+
+def unseen(worlds: Sequence[Told], part: Callable[[Told], str]) -> Iterator[tuple[Told, Judged]]:
+    """Each world judged by weights that were learned from those of other parts."""
+    for name in sorted({part(one) for one in worlds}):
+        weighing = learned([one for one in worlds if part(one) != name])
+        yield from ((one, weighing.judged(one.account)) for one in worlds if part(one) == name)
+
+
+def scores(judged: Sequence[tuple[Told, Judged]]) -> dict[str, float]:
+    """Of worlds that were not learned from."""
+    best = np.array([verdict.best for _, verdict in judged])
+    sure = np.array([verdict.chances[verdict.best] for _, verdict in judged])
+    right = np.array([verdict.best in one.right for one, verdict in judged])
+    third = np.array([bool(set(verdict.ranked[:3]) & set(one.right)) for one, verdict in judged])
+    healthy = np.array([one.right == (NONE,) for one, _ in judged])
+    strange = np.array([one.right == (UNKNOWN,) for one, _ in judged])
+    effects = ~healthy & ~strange
+    bins = np.minimum((BINS * sure).astype(int), BINS - 1)
+    apart = [abs(right[bins == b].mean() - sure[bins == b].mean()) * (bins == b).mean() for b in set(bins)]
+    return {
+        "worlds": float(len(judged)),
+        "right": float(right.mean()),
+        "top-1 of effects": _mean(right[effects]),
+        "top-3 of effects": _mean(third[effects]),
+        "false alarms": _mean(best[healthy] != NONE),
+        "recall of unknown": _mean(right[strange]),
+        "ECE": float(sum(apart)),
+        "nats": float(-np.mean([np.log(max(chance_of(verdict, one), 1e-9)) for one, verdict in judged])),
+    }
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def learn(folders: Sequence[Path], out: Path | None) -> None:
+    """Train, say how well it does on worlds it has not seen, write the weights."""
+    everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
+    two = [one for one in everything if one.clear]
+    alone = [Told(one.world, one.group, one.truth, one.magnitude, one.account.alone) for one in two]
+    both = [*two, *(one for one, other in zip(alone, two, strict=True) if len(other.account.astray) > 1)]
+    parts: dict[str, Callable[[Told], str]] = {
+        "one world at a time": lambda one: one.world,
+        "a whole shape": lambda one: one.account.shape,
+        "a whole effect": lambda one: one.right[0] if one.right[0] in EFFECT_NAMES else one.world,
+    }
+    header = ["left out", "given", *scores([(both[0], USUAL.judged(both[0].account))])]
+    print(f"| {' | '.join(header)} |\n{'|---' * len(header)}|")
+    for title, part in parts.items():
+        if len({part(one) for one in both}) < 2:
+            continue
+        judged = list(unseen(both, part))
+        for given, count in (("one recording", 1), ("two", 2)):
+            some = [pair for pair in judged if len(pair[0].account.astray) == count]
+            if some:
+                worlds, *values = scores(some).values()
+                cells = [title, given, f"{worlds:.0f}", *(f"{value:.2f}" for value in values)]
+                print(f"| {' | '.join(cells)} |")
+    weighing = learned(both)
+    print({name: round(value, 2) for name, value in asdict(weighing).items()})
+    if out is not None:
+        about = {"worlds": len(two), "folders": sorted({one.group for one in two})}
+        weights = {name: round(value, 4) for name, value in asdict(weighing).items()}
+        out.write_text(json.dumps({"learned from": about, "weights": weights}, indent=1) + "\n")
+        print(f"wrote {out}")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Gather or train."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(dest="command", required=True)
+    gathering = commands.add_parser("gather", help="diagnose development worlds")
+    gathering.add_argument("worlds", type=Path)
+    gathering.add_argument("--out", type=Path, required=True)
+    gathering.add_argument("--workers", type=int, default=2)
+    learning = commands.add_parser("train", help="the weights")
+    learning.add_argument("folders", type=Path, nargs="+")
+    learning.add_argument("--out", type=Path, help="without it, the tables alone")
+    options = parser.parse_args(arguments)
+    if options.command == "train":
+        empty = [str(folder) for folder in options.folders if not any(folder.glob("*.json"))]
+        if empty:
+            parser.error(f"nothing gathered in {', '.join(empty)}")
+        learn(options.folders, options.out)
+        return 0
+    if not (options.worlds / PLAIN).is_file():
+        parser.error(
+            f"{options.worlds} has no open labels: weights are learned from development worlds alone"
+        )
+    options.out.mkdir(parents=True, exist_ok=True)
+    jobs = [
+        partial(
+            gathered,
+            label["world"],
+            options.worlds,
+            tuple(effect["name"] for effect in label["effects"]),
+            label.get("magnitude"),
+            options.out,
+        )
+        for label in open_labels(options.worlds)
+    ]
+    with ProcessPoolExecutor(options.workers) as pool:
+        for done, future in enumerate(as_completed([pool.submit(job) for job in jobs]), 1):
+            print(f"{done}/{len(jobs)} {future.result()}", flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

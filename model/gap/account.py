@@ -1,0 +1,72 @@
+"""What a verdict is made of: how much each fitted effect explains, and where the plain twin is lost."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.schema import EffectName
+
+MOST = (-1.0, 6.0)
+"""Of what an effect may explain of one part of what was seen."""
+BEYOND = 3.0
+"""What an effect explains beyond the frames that it was fitted to counts at most so many times what it
+explains of those. Of one that they hardly show others would have to say the strength as well, and any fits a
+little."""
+
+Left = tuple[float, float]
+"""Mean squares that the refitted twin leaves unexplained without an effect, and with it."""
+
+
+@dataclass(frozen=True)
+class Explained:
+    """How many times less a twin leaves unexplained with an effect, as a logarithm, by part of what was seen.
+
+    As for a likelihood whose noise is what remains: halves of what was left count the same, however much
+    there was.
+    """
+
+    fitted: float = 0.0
+    """In the frames that fits see."""
+    later: float = 0.0
+    """In later frames of the same recording."""
+    elsewhere: float = 0.0
+    """In another recording; 0: there is none."""
+
+    @classmethod
+    def of(cls, fitted: Left, later: Left, elsewhere: Left | None = None) -> "Explained":
+        """From what is left in each part."""
+        first = _explained(fitted)
+        most = BEYOND * max(first, 0.0)
+        others = (min(_explained(left), most) if left is not None else 0.0 for left in (later, elsewhere))
+        return cls(first, *others)
+
+    @property
+    def total(self) -> float:
+        """Of all parts."""
+        return self.fitted + self.later + self.elsewhere
+
+
+@dataclass(frozen=True)
+class Account:
+    """Of one diagnosis."""
+
+    shape: str
+    """Of the object: rope, sheet or solid."""
+    screened: Mapping[EffectName, float]
+    """Probability of each effect by score tests, before any was fitted."""
+    explained: Mapping[EffectName, Explained]
+    """By each effect that was fitted."""
+    astray: tuple[float, ...]
+    """How far off the refitted twin's free runs are in each recording, over the size of the object."""
+
+    @property
+    def alone(self) -> "Account":
+        """The same without the other recording."""
+        here = {name: replace(one, elsewhere=0.0) for name, one in self.explained.items()}
+        return replace(self, explained=here, astray=self.astray[:1])
+
+
+def _explained(left: Left) -> float:
+    without, with_it = left
+    return float(np.clip(np.log(max(without, 1e-12) / max(with_it, 1e-12)), *MOST))

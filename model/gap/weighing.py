@@ -1,0 +1,88 @@
+"""From what fits explain to what is believed: a conditional logit over {none, each effect, unknown}."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+
+from model.gap.account import Account
+from model.gap.classifier import NONE, UNKNOWN
+from model.gap.schema import EFFECT_NAMES, VerdictName
+from model.gap.verdict import Judged
+from model.schema import EffectName
+
+WEIGHTS = "weighing.json"
+BUCKLES, SLACK = ("rope", "sheet"), "tension_only"
+"""What is thin folds between the points of its twin, which cannot and is too stiff against being pressed
+together: slack springs explain that, healthy or not."""
+ASTRAY, ASTRAY_STEP, MOST_ASTRAY = 0.04, 0.01, (-4.0, 8.0)
+"""Share of the object's size from which it counts that free runs are off, in which steps, within limits."""
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """Weights of a conditional logit; the score of "none" is zero.
+
+    An effect that explains nothing has the score `effect`, as have those that were not worth a fit.
+
+    Reference:
+        McFadden (1974), Conditional logit analysis of qualitative choice behavior, Frontiers in Econometrics.
+    """
+
+    effect: float
+    """Of every effect."""
+    fitted: float
+    """For each e-fold that is explained in the frames of the fit."""
+    later: float
+    elsewhere: float
+    sheet: float
+    """On top of these three, of sheets, whose plain twins are worse."""
+    buckling: float
+    """Of slack springs in what is thin."""
+    unknown: float
+    """Of something that is not in the catalogue."""
+    astray: float
+    """Of the same, for each step that free runs are off in the better followed of the recordings: a fold or a
+    fall, nearly chaotic, leads a healthy twin astray in one; what is missing is missing in all."""
+
+    @classmethod
+    def shipped(cls) -> "Weighing":
+        """The one that comes with the package."""
+        return cls(**json.loads(files("model.gap").joinpath(WEIGHTS).read_text())["weights"])
+
+    def judged(self, account: Account) -> Judged:
+        """What is believed after effects were fitted.
+
+        Those that were not share what is left to them as score tests say.
+        """
+        scores = self.scores(account)
+        most = max(scores.values())
+        chances = {name: float(np.exp(score - most)) for name, score in scores.items()}
+        total = sum(chances.values())
+        return Judged({name: chance / total for name, chance in chances.items()})
+
+    def scores(self, account: Account) -> dict[VerdictName, float]:
+        """Of all answers: linear in the weights."""
+        scores: dict[VerdictName, float] = {}
+        scores.update(self._fitted(account).items())
+        untried = [name for name in EFFECT_NAMES if name not in scores]
+        whole = sum(account.screened[name] for name in untried)
+        for name in untried:
+            share = account.screened[name] / whole if whole > 0.0 else 1.0 / len(untried)
+            scores[name] = self.effect + float(np.log(max(share * len(untried), 1e-9)))
+        off = float(np.clip((min(account.astray) - ASTRAY) / ASTRAY_STEP, *MOST_ASTRAY))
+        return scores | {NONE: 0.0, UNKNOWN: self.unknown + self.astray * off}
+
+    def _fitted(self, account: Account) -> Mapping[EffectName, float]:
+        extra = self.sheet if account.shape == "sheet" else 0.0
+        thin = account.shape in BUCKLES
+        return {
+            name: self.effect
+            + (self.fitted + extra) * one.fitted
+            + (self.later + extra) * one.later
+            + (self.elsewhere + extra) * one.elsewhere
+            + (self.buckling if thin and name == SLACK else 0.0)
+            for name, one in account.explained.items()
+        }

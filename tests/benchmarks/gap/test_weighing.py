@@ -1,0 +1,110 @@
+"""Weights learned from worlds whose answers follow a known rule; others are judged by them."""
+
+import json
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, unseen
+from model.gap.account import Account, Explained
+from model.gap.schema import EFFECT_NAMES
+
+ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
+
+
+def told(number, truth, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0):
+    account = Account(shape, ALIKE, explained, astray)
+    return Told(f"{number:03d}", "made", truth, magnitude if truth else None, account)
+
+
+@pytest.fixture
+def worlds():
+    """What is at work explains about 1.5, what is not about 0.2; what nobody follows is of no catalogue."""
+    rng = np.random.default_rng(3)
+    found = []
+    for number in range(60):
+        shape = ("rope", "sheet", "solid")[number % 3]
+        little = Explained(*rng.uniform(0.0, 0.15, 3))
+        if number % 4 == 0:
+            found.append(told(number, (), {"wind": little, "damage": little}, shape=shape))
+        elif number % 4 == 1:
+            astray = tuple(rng.uniform(0.12, 0.2, 2))
+            found.append(told(number, ("magnet",), {"wind": little}, astray, shape))
+        else:
+            much = Explained(*rng.uniform(0.4, 0.9, 3))
+            name, other = ("wind", "damage") if number % 4 == 2 else ("damage", "wind")
+            found.append(told(number, (name,), {other: little, name: much}, shape=shape))
+    return found
+
+
+def test_what_is_right_is_learned_and_holds_for_worlds_not_learned_from(worlds):
+    found = scores(list(unseen(worlds, lambda one: one.world[-1])))
+    assert found["worlds"] == 60
+    assert found["top-1 of effects"] == found["recall of unknown"] == 1.0
+    assert found["false alarms"] == 0.0
+    weighing = learned(worlds)
+    assert weighing.fitted > 0
+    assert weighing.astray > 0
+    assert weighing.effect < 0
+
+
+def test_no_world_is_judged_by_weights_that_know_it(worlds, monkeypatch):
+    known = []
+    monkeypatch.setattr(
+        "benchmarks.gap.weighing.learned",
+        lambda some: known.append({one.world for one in some}) or USUAL,
+    )
+    for one, _ in unseen(worlds[:6], lambda one: one.world):
+        assert one.world not in known[-1]
+        assert len(known[-1]) == 5
+
+
+def test_answers_that_are_right():
+    assert told(0, (), {}).right == ("none",)
+    assert told(0, ("magnet",), {}).right == ("unknown",)
+    assert told(0, ("wind", "magnet"), {}).right == ("wind",)
+    assert told(0, (), {}).clear
+    assert not told(0, ("wind",), {}, magnitude=0.5).clear
+
+
+def test_a_missed_effect_and_a_false_alarm_are_counted(worlds):
+    weighing = learned(worlds)
+    healthy, ill = worlds[0], worlds[2]
+    accused = told(100, (), ill.account.explained)
+    missed = told(101, ill.truth, healthy.account.explained)
+    found = scores([(one, weighing.judged(one.account)) for one in (healthy, accused, missed, ill)])
+    assert (found["right"], found["false alarms"], found["top-1 of effects"]) == (0.5, 0.5, 0.5)
+
+
+def test_trained_by_one_command(worlds, tmp_path, capsys):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    for one in worlds:
+        (folder / f"{one.world}.json").write_text(json.dumps(asdict(one)))
+        assert Told.read(folder / f"{one.world}.json") == one
+    out = tmp_path / "weighing.json"
+    assert main(["train", str(folder), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "| one world at a time | two | 60 | 1.00 |" in printed
+    assert "| a whole effect | one recording |" in printed
+    content = json.loads(out.read_text())
+    assert content["learned from"] == {"worlds": 60, "folders": ["made"]}
+    assert content["weights"] == pytest.approx(
+        asdict(learned([*worlds, *(_alone(one) for one in worlds)])), abs=0.01
+    )
+
+
+def _alone(one):
+    return Told(one.world, one.group, one.truth, one.magnitude, one.account.alone)
+
+
+def test_sealed_labels_and_empty_folders_are_refused(tmp_path, capsys):
+    for arguments, line in (
+        (["gather", str(tmp_path), "--out", str(tmp_path / "out")], "has no open labels"),
+        (["train", str(tmp_path)], "nothing gathered in"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(arguments)
+        assert ended.value.code == 2
+        assert line in capsys.readouterr().err

@@ -1,0 +1,32 @@
+"""What an effect explains, by part of what was seen."""
+
+import numpy as np
+import pytest
+
+from model.gap.account import BEYOND, MOST, Account, Explained
+
+
+def test_halves_count_the_same_however_much_there_was():
+    halved = Explained.of((40.0, 20.0), (2.0, 1.0), (9.0, 4.5))
+    assert (halved.fitted, halved.later, halved.elsewhere) == pytest.approx((np.log(2.0),) * 3)
+    assert halved.total == pytest.approx(3.0 * np.log(2.0))
+    assert Explained.of((40.0, 20.0), (1.0, 2.0)).total == pytest.approx(0.0)
+    assert Explained().total == 0.0
+
+
+def test_a_recording_in_which_a_twin_goes_astray_or_fits_all_too_well_does_not_decide_alone():
+    assert Explained.of((4.0, 1.0), (1.0, 1e9)).later == MOST[0]
+    assert Explained.of((1.0, 0.0), (1.0, 0.0)).total == 2.0 * MOST[1]
+
+
+def test_what_the_fitted_frames_hardly_show_others_do_not_decide():
+    faint = np.exp(0.04)
+    assert Explained.of((faint, 1.0), (2.0, 1.0)).total == pytest.approx((1.0 + BEYOND) * 0.04)
+    assert Explained.of((1.0, 1.0), (9.0, 1.0)).total == 0.0
+    assert Explained.of((1.0, faint), (9.0, 1.0)).total == pytest.approx(-0.04)
+    assert Explained.of((faint, 1.0), (1.0, 2.0)).later == pytest.approx(-np.log(2.0)), "harm counts in full"
+
+
+def test_without_the_other_recording():
+    account = Account("rope", {"wind": 0.1}, {"wind": Explained(0.5, 0.4, 0.9)}, (0.05, 0.01))
+    assert account.alone == Account("rope", {"wind": 0.1}, {"wind": Explained(0.5, 0.4, 0.0)}, (0.05,))

@@ -1,0 +1,90 @@
+"""From what fits explain to probabilities: a conditional logit, checked against its closed form."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from model.gap.account import Account, Explained
+from model.gap.schema import EFFECT_NAMES
+from model.gap.weighing import ASTRAY, ASTRAY_STEP, MOST_ASTRAY, Weighing
+
+WEIGHTS = Weighing(
+    effect=-5.0, fitted=3.0, later=2.0, elsewhere=4.0, sheet=-1.0, buckling=-4.0, unknown=-2.0, astray=1.0
+)
+ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
+
+
+def account(shape="rope", astray=(ASTRAY,), screened=ALIKE, **explained):
+    return Account(shape, screened, explained, astray)
+
+
+def odds(judged, one, other="none"):
+    return np.log(judged.chances[one] / judged.chances[other])
+
+
+def test_odds_are_the_weighed_sum_of_what_is_explained():
+    judged = WEIGHTS.judged(account(wind=Explained(1.0, 0.5, 0.25), damage=Explained(0.2)))
+    assert odds(judged, "wind") == pytest.approx(-5.0 + 3.0 + 1.0 + 1.0)
+    assert odds(judged, "damage") == pytest.approx(-5.0 + 0.6)
+    assert odds(judged, "unknown") == pytest.approx(-2.0)
+    assert sum(judged.chances.values()) == pytest.approx(1.0)
+
+
+def test_sheets_have_to_explain_more():
+    wind = Explained(1.0, 0.5, 0.25)
+    rope, sheet = (WEIGHTS.judged(account(shape, wind=wind)) for shape in ("rope", "sheet"))
+    assert odds(rope, "wind") - odds(sheet, "wind") == pytest.approx(wind.total)
+
+
+def test_slack_springs_have_to_explain_more_in_what_buckles():
+    solid, sheet, rope = (
+        WEIGHTS.judged(account(shape, tension_only=Explained(2.0))) for shape in ("solid", "sheet", "rope")
+    )
+    assert odds(solid, "tension_only") == pytest.approx(1.0)
+    assert odds(rope, "tension_only") == pytest.approx(-3.0)
+    assert odds(sheet, "tension_only") == pytest.approx(-5.0)
+
+
+def test_effects_that_were_not_fitted_are_believed_as_little_as_those_that_explain_nothing():
+    judged = WEIGHTS.judged(account(wind=Explained()))
+    assert odds(judged, "damage") == pytest.approx(-5.0)
+    assert odds(judged, "damage", "wind") == pytest.approx(0.0)
+    assert odds(WEIGHTS.judged(account()), "damage") == pytest.approx(-5.0), "nothing was tried at all"
+
+
+def test_these_share_what_is_left_to_them_as_score_tests_say():
+    screened = ALIKE | {"damage": 0.4, "adhesion": 0.2}
+    judged = WEIGHTS.judged(account(screened=screened, wind=Explained(3.0)))
+    assert odds(judged, "damage", "adhesion") == pytest.approx(np.log(2.0))
+    left = sum(judged.chances[name] for name in EFFECT_NAMES if name != "wind")
+    assert left / judged.chances["none"] == pytest.approx((len(EFFECT_NAMES) - 1) * np.exp(-5.0))
+    assert judged.ranked[:3] == ("wind", "damage", "adhesion")
+    none_able = WEIGHTS.judged(account(screened=dict.fromkeys(EFFECT_NAMES, 0.0), wind=Explained(3.0)))
+    assert none_able.best == "wind"
+
+
+def test_what_the_twin_follows_in_no_recording_lacks_something_unknown():
+    far = ASTRAY + 3.0 * ASTRAY_STEP
+    assert odds(WEIGHTS.judged(account(astray=(far, far + 0.1))), "unknown") == pytest.approx(1.0)
+    assert WEIGHTS.judged(account(astray=(far + 0.1, far))).best == "unknown"
+    followed = WEIGHTS.judged(account(astray=(far, ASTRAY)))
+    assert odds(followed, "unknown") == pytest.approx(-2.0)
+    assert odds(WEIGHTS.judged(account(astray=(9.0,))), "unknown") == pytest.approx(-2.0 + MOST_ASTRAY[1])
+
+
+def test_an_effect_that_explains_it_is_named_all_the_same():
+    assert WEIGHTS.judged(account(astray=(0.15, 0.15), wind=Explained(3.0, 3.0, 3.0))).best == "wind"
+
+
+def test_the_weights_that_are_shipped_believe_what_explains_much_and_nothing_else():
+    shipped = Weighing.shipped()
+    assert all(np.isfinite(getattr(shipped, field.name)) for field in fields(shipped))
+    much, little = Explained(1.5, 1.5, 1.5), Explained(0.05, 0.05, 0.05)
+    for shape in ("rope", "sheet", "solid"):
+        assert shipped.judged(account(shape, (0.02, 0.02), wind=much)).best == "wind"
+        assert shipped.judged(account(shape, (0.02, 0.02), wind=little)).best == "none"
+        assert shipped.judged(account(shape, (0.3, 0.3))).best == "unknown"
+        less = replace(much, fitted=1.0)
+        both = shipped.judged(account(shape, (0.02, 0.02), wind=much, damage=less))
+        assert both.ranked[:2] == ("wind", "damage")
