@@ -12,6 +12,7 @@ from model.gap.effects.base import Effect, Field
 from model.gap.estimate import LOOSE, Coordinates, Estimate, Misfit, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
+from model.gap.search import FAINT
 from model.gap.study import STEPS, Study
 from model.gap.world import World
 from model.types import Array
@@ -82,6 +83,9 @@ def confirm(
     """
     hypothesis = replace(study.plain, effects=effects, where=where)
     found = fitted(study, hypothesis, start)
+    if found.estimate.cost > plain.estimate.cost:
+        # the plain twin has gone on since the search: who is still in a valley that it left explains nothing
+        found = min(found, _from(plain, study, hypothesis, start), key=lambda one: one.estimate.cost)
     if found.estimate.cost < PROMISING * plain.estimate.cost:
         found = further(study, found)
     own = [name for name in found.estimate.values if name not in study.plain.quantities]
@@ -93,6 +97,15 @@ def confirm(
         intervals(study, found, own),
         at_bound(found, own),
     )
+
+
+def _from(plain: Fitted, study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"]) -> Fitted:
+    """Fitted from where the refitted plain twin ended, with hardly any of the effects."""
+    coordinates = study.misfit.of(hypothesis).coordinates
+    values = {**coordinates.values(start), **plain.estimate.values}
+    amplitudes = [f"{effect.name}.{name}" for effect in hypothesis.effects for name in effect.absent]
+    faint = coordinates.vector({**values, **{name: FAINT * values[name] for name in amplitudes}})
+    return fitted(study, hypothesis, np.clip(faint, *coordinates.bounds))
 
 
 def localised(study: Study, plain: Fitted, everywhere: Confirmed, place: Acting) -> Confirmed:

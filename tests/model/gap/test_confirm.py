@@ -124,3 +124,14 @@ def test_a_promising_fit_is_followed_to_its_end(dragged):
     assert longer.estimate.values[DRAG] == pytest.approx(4.0, rel=0.1)
     assert further(dragged, longer).estimate.cost <= longer.estimate.cost
     assert plain.estimate.cost <= fitted(dragged, dragged.plain, dragged.base.vector).estimate.cost
+
+
+def test_a_fit_that_ends_worse_than_the_refitted_twin_is_made_from_there(null):
+    """Else what the plain twin found after the search would count against every effect."""
+    plain, effect = refit(null), QuadraticAirDrag()
+    misfit = null.misfit.of(replace(null.plain, effects=(effect,)))
+    values = {**plain.estimate.values, "stiffness": 200.0 * plain.estimate.values["stiffness"]}
+    start = misfit.coordinates.vector({**values, DRAG: 1.0})
+    assert fitted(null, misfit.hypothesis, start).estimate.cost > 1.05 * plain.estimate.cost
+    found = confirm(null, plain, (effect,), start)
+    assert found.estimate.cost < 1.01 * plain.estimate.cost
