@@ -1,7 +1,9 @@
-"""The development worlds in which nothing is missing, as a benchmark's command line is given them."""
+"""Development worlds, as a benchmark's command line is given them, and work on many of them."""
 
 import argparse
 import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 
 import torch
@@ -30,3 +32,23 @@ def healthy_worlds(description: str | None, arguments: list[str] | None) -> tupl
     warnings.simplefilter("ignore")
     torch.set_num_threads(1)
     return folder, [label for label in open_labels(folder) if label["category"] == HEALTHY]
+
+
+def labels_to_learn_from(folder: Path, parser: argparse.ArgumentParser, what: str) -> list[Label]:
+    """The labels of development worlds; sealed ones end the command.
+
+    Args:
+        folder: Of the worlds.
+        parser: Of the command.
+        what: Is learned from them, with its verb, for the message.
+    """
+    if not (folder / PLAIN).is_file():
+        parser.error(f"{folder} has no open labels: {what} development worlds alone")
+    return open_labels(folder)
+
+
+def done_by(workers: int, jobs: Sequence[Callable[[], str]]) -> None:
+    """Jobs done in so many processes; what each returns is printed as it ends."""
+    with ProcessPoolExecutor(workers) as pool:
+        for done, future in enumerate(as_completed([pool.submit(job) for job in jobs]), 1):
+            print(f"{done}/{len(jobs)} {future.result()}", flush=True)

@@ -12,8 +12,7 @@ how well juries do on worlds they have not seen, also where a whole source, shap
 import argparse
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +22,7 @@ import torch
 from jaxtyping import Int64
 from safetensors.torch import save_file
 
-from model.gap.benchmark.labels import PLAIN, open_labels
+from benchmarks.gap.development import done_by, labels_to_learn_from
 from model.gap.benchmark.predict import transfer_of
 from model.gap.classifier import UNKNOWN
 from model.gap.evidence import gather
@@ -101,12 +100,6 @@ def of_folder(world: str, folder: Path, effects: tuple[str, ...], out: Path) -> 
             path, examples_of(read_observation(folder / path.name), transfer, effects, folder.name)
         )
     return path.name
-
-
-def _all(jobs: Sequence[Callable[[], str]], workers: int) -> None:
-    with ProcessPoolExecutor(workers) as pool:
-        for done, future in enumerate(as_completed([pool.submit(job) for job in jobs]), 1):
-            print(f"{done}/{len(jobs)} {future.result()}", flush=True)
 
 
 def _left_out(examples: Sequence[Example]) -> Iterator[tuple[str, list[int]]]:
@@ -189,23 +182,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     if options.command == "own":
         seeds = range(options.first, options.first + options.count)
-        _all([partial(own, seed, options.out) for seed in seeds], options.workers)
+        done_by(options.workers, [partial(own, seed, options.out) for seed in seeds])
         return 0
-    if not (options.worlds / PLAIN).is_file():
-        parser.error(f"{options.worlds} has no open labels: a jury is trained on development worlds alone")
-    _all(
-        [
-            partial(
-                of_folder,
-                label["world"],
-                options.worlds,
-                tuple(effect["name"] for effect in label["effects"]),
-                options.out,
-            )
-            for label in open_labels(options.worlds)
-        ],
-        options.workers,
-    )
+    labels = labels_to_learn_from(options.worlds, parser, "a jury is trained on")
+    jobs = [
+        partial(
+            of_folder,
+            label["world"],
+            options.worlds,
+            tuple(effect["name"] for effect in label["effects"]),
+            options.out,
+        )
+        for label in labels
+    ]
+    done_by(options.workers, jobs)
     return 0
 
 

@@ -14,8 +14,7 @@ import json
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -24,16 +23,15 @@ from jaxtyping import Float64
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
+from benchmarks.gap.development import done_by, labels_to_learn_from
 from model.gap.account import Account, Explained
-from model.gap.benchmark.labels import PLAIN, open_labels
-from model.gap.benchmark.predict import transfer_of
+from model.gap.benchmark.predict import taken_of
+from model.gap.benchmark.scores import calibration_error
 from model.gap.classifier import NONE, UNKNOWN
 from model.gap.diagnose import diagnose
-from model.gap.schema import EFFECT_NAMES
-from model.gap.taken import Taken
+from model.gap.schema import EFFECT_NAMES, VerdictName
 from model.gap.verdict import Judged
 from model.gap.weighing import Weighing
-from model.observation import read_observation
 from model.types import Array
 
 SEEN = 1.5
@@ -44,9 +42,7 @@ USUAL = Weighing(
 """What weights are before any world was seen: three e-folds explained make up for how rare each effect is."""
 STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
-ANSWERS = (*EFFECT_NAMES, NONE, UNKNOWN)
-BINS = 5
-"""Of the calibration error."""
+ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
 
 
 @dataclass(frozen=True)
@@ -61,10 +57,10 @@ class Told:
     account: Account
 
     @property
-    def right(self) -> tuple[str, ...]:
-        """Answers that are right."""
-        known = tuple(name for name in self.truth if name in EFFECT_NAMES)
-        return known or ((UNKNOWN,) if self.truth else (NONE,))
+    def right(self) -> tuple[VerdictName, ...]:
+        """Answers that are right; the first is of the effect that its label names first."""
+        known = [name for name in EFFECT_NAMES if name in self.truth]
+        return tuple(sorted(known, key=self.truth.index)) or ((UNKNOWN,) if self.truth else (NONE,))
 
     @property
     def clear(self) -> bool:
@@ -83,13 +79,11 @@ class Told:
 
 def gathered(world: str, folder: Path, truth: tuple[str, ...], magnitude: float | None, out: Path) -> str:
     """One world diagnosed, its account written down."""
-    path, kept = folder / f"{world}.npz", out / f"{world}.json"
+    kept = out / f"{world}.json"
     if kept.is_file():
         return kept.name
     warnings.simplefilter("ignore")
-    taken = Taken.of(read_observation(path), path.name)
-    other = transfer_of(path)
-    transfer = taken.other(read_observation(other), other.name) if other.is_file() else None
+    taken, transfer = taken_of(folder / f"{world}.npz")
     account = diagnose(taken.observation, transfer=transfer).account
     assert account is not None
     kept.write_text(json.dumps(asdict(Told(world, folder.name, truth, magnitude, account)), indent=1))
@@ -128,7 +122,7 @@ def _linear(accounts: Sequence[Account]) -> tuple[Float64[Array, "w a k"], Float
 
 def chance_of(judged: Judged, one: Told) -> float:
     """Of what is right."""
-    return sum(judged.chances[name] for name in one.right)  # type: ignore[index]
+    return sum(judged.chances[name] for name in one.right)
 
 
 def unseen(worlds: Sequence[Told], part: Callable[[Told], str]) -> Iterator[tuple[Told, Judged]]:
@@ -147,8 +141,6 @@ def scores(judged: Sequence[tuple[Told, Judged]]) -> dict[str, float]:
     healthy = np.array([one.right == (NONE,) for one, _ in judged])
     strange = np.array([one.right == (UNKNOWN,) for one, _ in judged])
     effects = ~healthy & ~strange
-    bins = np.minimum((BINS * sure).astype(int), BINS - 1)
-    apart = [abs(right[bins == b].mean() - sure[bins == b].mean()) * (bins == b).mean() for b in set(bins)]
     return {
         "worlds": float(len(judged)),
         "right": float(right.mean()),
@@ -156,7 +148,7 @@ def scores(judged: Sequence[tuple[Told, Judged]]) -> dict[str, float]:
         "top-3 of effects": _mean(third[effects]),
         "false alarms": _mean(best[healthy] != NONE),
         "recall of unknown": _mean(right[strange]),
-        "ECE": float(sum(apart)),
+        "ECE": calibration_error(sure.tolist(), right.tolist()).value,
         "nats": float(-np.mean([np.log(max(chance_of(verdict, one), 1e-9)) for one, verdict in judged])),
     }
 
@@ -169,7 +161,7 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
     """Train, say how well it does on worlds it has not seen, write the weights."""
     everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
     two = [one for one in everything if one.clear]
-    alone = [Told(one.world, one.group, one.truth, one.magnitude, one.account.alone) for one in two]
+    alone = [replace(one, account=one.account.alone) for one in two]
     both = [*two, *(one for one, other in zip(alone, two, strict=True) if len(other.account.astray) > 1)]
     parts: dict[str, Callable[[Told], str]] = {
         "one world at a time": lambda one: one.world,
@@ -217,10 +209,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"nothing gathered in {', '.join(empty)}")
         learn(options.folders, options.out)
         return 0
-    if not (options.worlds / PLAIN).is_file():
-        parser.error(
-            f"{options.worlds} has no open labels: weights are learned from development worlds alone"
-        )
+    labels = labels_to_learn_from(options.worlds, parser, "weights are learned from")
     options.out.mkdir(parents=True, exist_ok=True)
     jobs = [
         partial(
@@ -231,11 +220,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             label.get("magnitude"),
             options.out,
         )
-        for label in open_labels(options.worlds)
+        for label in labels
     ]
-    with ProcessPoolExecutor(options.workers) as pool:
-        for done, future in enumerate(as_completed([pool.submit(job) for job in jobs]), 1):
-            print(f"{done}/{len(jobs)} {future.result()}", flush=True)
+    done_by(options.workers, jobs)
     return 0
 
 

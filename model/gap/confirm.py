@@ -12,7 +12,7 @@ from model.gap.effects.base import Effect, Field
 from model.gap.estimate import LOOSE, Coordinates, Estimate, Misfit, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
-from model.gap.search import FAINT
+from model.gap.search import FAINT, strong
 from model.gap.study import STEPS, Study
 from model.gap.world import World
 from model.types import Array
@@ -85,7 +85,7 @@ def confirm(
     found = fitted(study, hypothesis, start)
     if found.estimate.cost > plain.estimate.cost:
         # the plain twin has gone on since the search: who is still in a valley that it left explains nothing
-        found = min(found, _from(plain, study, hypothesis, start), key=lambda one: one.estimate.cost)
+        found = min(found, _from(plain, study, found.misfit, start), key=lambda one: one.estimate.cost)
     if found.estimate.cost < PROMISING * plain.estimate.cost:
         found = further(study, found)
     own = [name for name in found.estimate.values if name not in study.plain.quantities]
@@ -99,13 +99,11 @@ def confirm(
     )
 
 
-def _from(plain: Fitted, study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"]) -> Fitted:
+def _from(plain: Fitted, study: Study, misfit: Misfit, start: Float64[Array, " d"]) -> Fitted:
     """Fitted from where the refitted plain twin ended, with hardly any of the effects."""
-    coordinates = study.misfit.of(hypothesis).coordinates
-    values = {**coordinates.values(start), **plain.estimate.values}
-    amplitudes = [f"{effect.name}.{name}" for effect in hypothesis.effects for name in effect.absent]
-    faint = coordinates.vector({**values, **{name: FAINT * values[name] for name in amplitudes}})
-    return fitted(study, hypothesis, np.clip(faint, *coordinates.bounds))
+    values = {**misfit.coordinates.values(start), **plain.estimate.values}
+    faint = strong(misfit, values, (FAINT,) * len(misfit.hypothesis.effects))
+    return fitted(study, misfit.hypothesis, np.clip(faint, *misfit.coordinates.bounds))
 
 
 def localised(study: Study, plain: Fitted, everywhere: Confirmed, place: Acting) -> Confirmed:
@@ -120,14 +118,9 @@ def localised(study: Study, plain: Fitted, everywhere: Confirmed, place: Acting)
     if place.where is None:
         return everywhere
     (effect,) = everywhere.hypothesis.effects
-    values, amplitudes = everywhere.estimate.values, [f"{effect.name}.{name}" for name in effect.absent]
     misfit = study.misfit.of(replace(everywhere.hypothesis, where=place.where))
-    starts = np.stack(
-        [
-            misfit.coordinates.vector({**values, **{name: by * values[name] for name in amplitudes}})
-            for by in (1.0, place.scale**0.5, place.scale)
-        ]
-    )
+    factors = (1.0, place.scale**0.5, place.scale)
+    starts = np.stack([strong(misfit, everywhere.estimate.values, (by,)) for by in factors])
     start = starts[int((misfit(starts) ** 2).mean(1).argmin())]
     local = confirm(study, plain, (effect,), start, place.where)
     return local if local.estimate.cost < everywhere.estimate.cost else everywhere

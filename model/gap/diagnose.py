@@ -166,6 +166,7 @@ def _explained(
 def _astray(fitted: Study, other: Transferred | None, plain: Fitted) -> tuple[float, ...]:
     """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     size = size_of(plain.world.system.points.double().numpy())
-    there = None if other is None else other.forecast(fitted.plain, plain.estimate.values)
-    runs = (plain.foretold, *(() if there is None else (there,)))
+    runs = [plain.foretold]
+    if other is not None:
+        runs.append(other.forecast(fitted.plain, plain.estimate.values))
     return tuple(one.error / size for one in runs)

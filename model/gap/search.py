@@ -77,17 +77,23 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
     known = [{**first, **study.base.values, **values} for values in tried]
     # from faint to strong, which need finer steps in time: only those are rolled out in them
     strengths = list(product(STRENGTHS, repeat=len(effects)))
-    starts = [_strong(misfit, values, factors) for factors in strengths for values in known]
+    starts = [strong(misfit, values, factors) for factors in strengths for values in known]
     best = _promising(study, misfit, np.stack(starts))
     misfit.settle()
     there = _stepped(misfit, starts[best])
-    faint = _strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
+    faint = strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
     left = float((misfit(faint[None])[0] ** 2).mean())
     return there if there.left < left else Begun(faint, left)
 
 
-def _strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:
-    """Coordinates of values, with each effect so many times as strong."""
+def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:
+    """Coordinates of values, with each effect so many times as strong.
+
+    Args:
+        misfit: Of the hypothesis that has the effects.
+        values: Of all its quantities, by name.
+        factors: One for each effect.
+    """
     amplitudes = [[f"{effect.name}.{name}" for name in effect.absent] for effect in misfit.hypothesis.effects]
     each = zip(factors, amplitudes, strict=True)
     return misfit.coordinates.vector(

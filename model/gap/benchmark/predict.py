@@ -103,6 +103,16 @@ def transfer_of(world: Path) -> Path:
     return world.with_name(world.stem + TRANSFER)
 
 
+def taken_of(world: Path) -> tuple[Taken, Observation | None]:
+    """What is diagnosed of a world, and of its other interaction, if there is one: as by the command line.
+
+    Raises:
+        InputError: one of the files cannot be diagnosed.
+    """
+    taken, other = Taken.of(read_observation(world), world.name), transfer_of(world)
+    return taken, taken.other(read_observation(other), other.name) if other.is_file() else None
+
+
 def read_predictions(path: Path) -> dict[str, Prediction]:
     """What `predict` wrote."""
     content = json.loads(path.read_bytes())
@@ -135,8 +145,7 @@ def _predict(job: _Job) -> Prediction:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # doubts about an observation are in its report
-            taken = Taken.of(read_observation(job.world), job.world.name)
-            transfer = taken.other(read_observation(other), other.name) if other.exists() else None
+            taken, transfer = taken_of(job.world)
             diagnosis = job.diagnose(taken.observation, transfer=transfer, progress=None)
         report = taken.report(diagnosis.findings.report)
     except InputError as error:
