@@ -26,7 +26,20 @@ from model.gap.report.style import (
 )
 from model.types import Array
 
-PALETTE = (EFFECT, REFIT, CEILING, FLOOR, "#CC79A7", "#E69F00", "#F0E442", OBSERVED, BASELINE)
+PALETTE = (
+    EFFECT,
+    REFIT,
+    CEILING,
+    FLOOR,
+    "#CC79A7",
+    "#E69F00",
+    "#F0E442",
+    OBSERVED,
+    BASELINE,
+    "#332288",
+    "#882255",
+    "#999933",
+)
 """Of methods in their order; the first stands out."""
 PANELS = 4
 """Methods whose stiffness is drawn, at most, in a row."""

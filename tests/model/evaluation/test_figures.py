@@ -50,3 +50,11 @@ def test_moduli_are_drawn_as_powers_of_ten(of):
     points = panel.collections[0].get_offsets()
     assert points.shape == (200, 2)
     assert points[:, 0].mean() == pytest.approx(9.0 / np.log(10.0), abs=0.1)
+
+
+def test_no_two_methods_of_a_full_table_share_a_colour(of):
+    """All baselines beside ours: the tenth method once looked like the first."""
+    many = {f"method {k}": of["theirs"] for k in range(12)}
+    lines = over_time(many).axes[0].lines
+    colours = {line.get_color() for line in lines if line.get_label() in many}
+    assert len(colours) == 12
