@@ -3,11 +3,12 @@
 import argparse
 import warnings
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from pathlib import Path
 
 import torch
 
+from model.crew import crew
 from model.gap.benchmark.labels import PLAIN, Label, open_labels
 
 HEALTHY = "null"
@@ -48,7 +49,7 @@ def labels_to_learn_from(folder: Path, parser: argparse.ArgumentParser, what: st
 
 
 def done_by(workers: int, jobs: Sequence[Callable[[], str]]) -> None:
-    """Jobs done in so many processes; what each returns is printed as it ends."""
-    with ProcessPoolExecutor(workers) as pool:
+    """Jobs done in so many processes, which share the cores; what each returns is printed as it ends."""
+    with crew(workers) as pool:
         for done, future in enumerate(as_completed([pool.submit(job) for job in jobs]), 1):
             print(f"{done}/{len(jobs)} {future.result()}", flush=True)
