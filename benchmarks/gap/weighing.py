@@ -51,21 +51,15 @@ class Told:
 
     world: str
     group: str
-    truth: tuple[str, ...]
-    """Effects at work; those from outside of the catalogue by their names."""
+    right: tuple[VerdictName, ...]
+    """Answers that are right; of a hand that is late by itself both its delay and none."""
     magnitude: float | None
     account: Account
 
     @property
-    def right(self) -> tuple[VerdictName, ...]:
-        """Answers that are right; the first is of the effect that its label names first."""
-        known = [name for name in EFFECT_NAMES if name in self.truth]
-        return tuple(sorted(known, key=self.truth.index)) or ((UNKNOWN,) if self.truth else (NONE,))
-
-    @property
     def clear(self) -> bool:
         """Nothing is at work, or it can be seen."""
-        return not self.truth or (self.magnitude or 0.0) >= SEEN
+        return self.magnitude is None or self.magnitude >= SEEN
 
     @classmethod
     def read(cls, path: Path) -> "Told":
@@ -74,10 +68,12 @@ class Told:
         account = content.pop("account")
         explained = {name: Explained(**each) for name, each in account["explained"].items()}
         known = Account(account["shape"], account["screened"], explained, tuple(account["astray"]))
-        return cls(**content | {"truth": tuple(content["truth"]), "account": known})
+        return cls(**content | {"right": tuple(content["right"]), "account": known})
 
 
-def gathered(world: str, folder: Path, truth: tuple[str, ...], magnitude: float | None, out: Path) -> str:
+def gathered(
+    world: str, folder: Path, right: tuple[VerdictName, ...], magnitude: float | None, out: Path
+) -> str:
     """One world diagnosed, its account written down."""
     kept = out / f"{world}.json"
     if kept.is_file():
@@ -86,7 +82,7 @@ def gathered(world: str, folder: Path, truth: tuple[str, ...], magnitude: float 
     taken, transfer = taken_of(folder / f"{world}.npz")
     account = diagnose(taken.observation, transfer=transfer).account
     assert account is not None
-    kept.write_text(json.dumps(asdict(Told(world, folder.name, truth, magnitude, account)), indent=1))
+    kept.write_text(json.dumps(asdict(Told(world, folder.name, right, magnitude, account)), indent=1))
     return kept.name
 
 
@@ -134,11 +130,10 @@ def unseen(worlds: Sequence[Told], part: Callable[[Told], str]) -> Iterator[tupl
 
 def scores(judged: Sequence[tuple[Told, Judged]]) -> dict[str, float]:
     """Of worlds that were not learned from."""
-    best = np.array([verdict.best for _, verdict in judged])
     sure = np.array([verdict.chances[verdict.best] for _, verdict in judged])
     right = np.array([verdict.best in one.right for one, verdict in judged])
     third = np.array([bool(set(verdict.ranked[:3]) & set(one.right)) for one, verdict in judged])
-    healthy = np.array([one.right == (NONE,) for one, _ in judged])
+    healthy = np.array([NONE in one.right for one, _ in judged])
     strange = np.array([one.right == (UNKNOWN,) for one, _ in judged])
     effects = ~healthy & ~strange
     return {
@@ -146,7 +141,7 @@ def scores(judged: Sequence[tuple[Told, Judged]]) -> dict[str, float]:
         "right": float(right.mean()),
         "top-1 of effects": _mean(right[effects]),
         "top-3 of effects": _mean(third[effects]),
-        "false alarms": _mean(best[healthy] != NONE),
+        "false alarms": _mean(~right[healthy]),
         "recall of unknown": _mean(right[strange]),
         "ECE": calibration_error(sure.tolist(), right.tolist()).value,
         "nats": float(-np.mean([np.log(max(chance_of(verdict, one), 1e-9)) for one, verdict in judged])),
@@ -216,7 +211,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             gathered,
             label["world"],
             options.worlds,
-            tuple(effect["name"] for effect in label["effects"]),
+            tuple(label["accepted"]),
             label.get("magnitude"),
             options.out,
         )

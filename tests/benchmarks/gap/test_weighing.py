@@ -13,9 +13,9 @@ from model.gap.schema import EFFECT_NAMES
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
 
-def told(number, truth, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0):
+def told(number, right, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0):
     account = Account(shape, ALIKE, explained, astray)
-    return Told(f"{number:03d}", "made", truth, magnitude if truth else None, account)
+    return Told(f"{number:03d}", "made", right, None if "none" in right else magnitude, account)
 
 
 @pytest.fixture
@@ -27,10 +27,10 @@ def worlds():
         shape = ("rope", "sheet", "solid")[number % 3]
         little = Explained(*rng.uniform(0.0, 0.15, 3))
         if number % 4 == 0:
-            found.append(told(number, (), {"wind": little, "damage": little}, shape=shape))
+            found.append(told(number, ("none",), {"wind": little, "damage": little}, shape=shape))
         elif number % 4 == 1:
             astray = tuple(rng.uniform(0.12, 0.2, 2))
-            found.append(told(number, ("magnet",), {"wind": little}, astray, shape))
+            found.append(told(number, ("unknown",), {"wind": little}, astray, shape))
         else:
             much = Explained(*rng.uniform(0.4, 0.9, 3))
             name, other = ("wind", "damage") if number % 4 == 2 else ("damage", "wind")
@@ -60,19 +60,28 @@ def test_no_world_is_judged_by_weights_that_know_it(worlds, monkeypatch):
         assert len(known[-1]) == 5
 
 
-def test_answers_that_are_right():
-    assert told(0, (), {}).right == ("none",)
-    assert told(0, ("magnet",), {}).right == ("unknown",)
-    assert told(0, ("wind", "magnet"), {}).right == ("wind",)
-    assert told(0, (), {}).clear
+def test_a_faint_effect_is_not_learned_from_and_nothing_missing_is():
+    assert told(0, ("none",), {}).clear
+    assert told(0, ("wind",), {}).clear
     assert not told(0, ("wind",), {}, magnitude=0.5).clear
+
+
+def test_of_a_hand_that_errs_by_itself_two_answers_are_right(worlds):
+    """A recording whose hand lags lacks nothing, and who calls it a delay accuses nobody."""
+    weighing = learned(worlds)
+    account = {"actuation_delay": Explained(0.9, 0.9, 0.9)}
+    late = told(100, ("actuation_delay", "none"), account)
+    found = scores([(late, weighing.judged(late.account))])
+    assert weighing.judged(late.account).best == "actuation_delay"
+    assert (found["right"], found["false alarms"]) == (1.0, 0.0)
+    assert np.isnan(found["top-1 of effects"])
 
 
 def test_a_missed_effect_and_a_false_alarm_are_counted(worlds):
     weighing = learned(worlds)
     healthy, ill = worlds[0], worlds[2]
-    accused = told(100, (), ill.account.explained)
-    missed = told(101, ill.truth, healthy.account.explained)
+    accused = told(100, ("none",), ill.account.explained)
+    missed = told(101, ill.right, healthy.account.explained)
     found = scores([(one, weighing.judged(one.account)) for one in (healthy, accused, missed, ill)])
     assert (found["right"], found["false alarms"], found["top-1 of effects"]) == (0.5, 0.5, 0.5)
 
@@ -96,7 +105,7 @@ def test_trained_by_one_command(worlds, tmp_path, capsys):
 
 
 def _alone(one):
-    return Told(one.world, one.group, one.truth, one.magnitude, one.account.alone)
+    return Told(one.world, one.group, one.right, one.magnitude, one.account.alone)
 
 
 def test_sealed_labels_and_empty_folders_are_refused(tmp_path, capsys):
