@@ -1,6 +1,5 @@
 """Fit a twin with effects as long as the plain one is fitted, and judge both by what no fit has seen."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,15 +12,13 @@ from model.gap.effects.base import Effect, Field
 from model.gap.estimate import LOOSE, Coordinates, Estimate, Misfit, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
-from model.gap.search import FAINT, STRENGTHS, strong
+from model.gap.search import FAINT, strong
 from model.gap.study import STEPS, Study
 from model.gap.world import World
 from model.types import Array
 
 PROMISING, FURTHER = 0.9, 12
 """A fit that leaves less than this share of what the plain twin does is followed for so many steps more."""
-ELSEWHERE = 0.95
-"""A plain twin that leaves less than this share of what another one does is in another valley."""
 FREEDOM = 4.0
 """Degrees of freedom of the innovations' distribution: its tails are those of a few lost points."""
 EDGE = 0.01
@@ -68,23 +65,6 @@ def refit(study: Study) -> Fitted:
     return further(study, fitted(study, study.plain, study.base.vector))
 
 
-def fairest(study: Study, plain: Fitted, confirmed: Iterable[Fitted]) -> Fitted:
-    """The plain twin, also from where fits of effects ended: the valley may explain more than the effect.
-
-    Args:
-        study: The plain twin's first fit.
-        plain: What `refit` made of it.
-        confirmed: Fits with effects.
-    """
-    for one in sorted(confirmed, key=lambda one: one.estimate.cost):
-        if one.estimate.cost < PROMISING * plain.estimate.cost:
-            start = study.misfit.coordinates.vector(one.estimate.values)
-            there = fitted(study, study.plain, start)
-            if there.estimate.cost < ELSEWHERE * plain.estimate.cost:
-                plain = further(study, there)
-    return plain
-
-
 def confirm(
     study: Study,
     plain: Fitted,
@@ -106,29 +86,6 @@ def confirm(
     if found.estimate.cost > plain.estimate.cost:
         # the plain twin has gone on since the search: who is still in a valley that it left explains nothing
         found = min(found, _from(plain, study, found.misfit, start), key=lambda one: one.estimate.cost)
-    return _compared(study, plain, found)
-
-
-def against(study: Study, fair: Fitted, one: Confirmed) -> Confirmed:
-    """An effect's fit compared with another plain twin; made again from there if it hardly leaves less.
-
-    Args:
-        study: The plain twin's first fit.
-        fair: From `fairest`.
-        one: Compared with the plain twin of before.
-    """
-    same = replace(one, evidence=evidence(study, fair.foretold, one.foretold))
-    if one.estimate.cost < PROMISING * fair.estimate.cost:
-        return same
-    values = {**one.estimate.values, **fair.estimate.values}
-    effects = len(one.hypothesis.effects)
-    starts = np.stack([strong(one.misfit, values, (by,) * effects) for by in (FAINT, *STRENGTHS)])
-    start = starts[int((one.misfit(starts) ** 2).mean(1).argmin())]
-    again = _compared(study, fair, fitted(study, one.hypothesis, start))
-    return again if again.estimate.cost < one.estimate.cost else same
-
-
-def _compared(study: Study, plain: Fitted, found: Fitted) -> Confirmed:
     if found.estimate.cost < PROMISING * plain.estimate.cost:
         found = further(study, found)
     own = [name for name in found.estimate.values if name not in study.plain.quantities]

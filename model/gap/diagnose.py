@@ -9,17 +9,16 @@ from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
 from model.gap.closure import closure
 from model.gap.closure import transfer as closed_there
-from model.gap.confirm import Confirmed, Fitted, against, confirm, fairest, held_out, localised, refit
+from model.gap.confirm import Confirmed, Fitted, confirm, held_out, localised, refit
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
-from model.gap.estimate import Begun
 from model.gap.evidence import Evidence, gather
 from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
 from model.gap.schema import EFFECT_NAMES
-from model.gap.search import beginning, searched, values_of
+from model.gap.search import Begun, beginning, searched, values_of
 from model.gap.signs import Signs, signs_of
 from model.gap.size import size_of
 from model.gap.study import Study, study
@@ -83,10 +82,8 @@ def _diagnosed(
     signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)
     begins = searched(fitted, able, lambda share: tell("screen", 0.4 + 0.15 * share))
     tell("confirm", 0.55)
-    first = judged(Jury.shipped(), signs)
-    likely = {name: effect for name in _likely(first, begins) for effect in able if effect.name == name}
-    plain, confirmed = _confirmed(fitted, likely, begins)
-    tried = _tried(fitted, plain, confirmed, first, signs, evidence, able, begins, other)
+    plain = refit(fitted)
+    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, begins, other)
     tell("ceiling", 0.8)
     flexible = ceiling(fitted, plain)
     tell("where", 0.9)
@@ -97,24 +94,9 @@ def _diagnosed(
     return Diagnosis(found.findings(), found.records(), found.own_values(), tried.account)
 
 
-def _confirmed(
-    fitted: Study, likely: Mapping[EffectName, Effect], begins: Mapping[EffectName, Begun]
-) -> tuple[Fitted, dict[EffectName, Confirmed]]:
-    """The refitted twin, from wherever it explains most by itself, and likely effects fitted on top of it."""
-    plain = refit(fitted)
-    confirmed = {
-        name: confirm(fitted, plain, (effect,), begins[name].vector) for name, effect in likely.items()
-    }
-    fair = fairest(fitted, plain, confirmed.values())
-    if fair is plain:
-        return plain, confirmed
-    return fair, {name: against(fitted, fair, one) for name, one in confirmed.items()}
-
-
 def _tried(
     fitted: Study,
     plain: Fitted,
-    confirmed: dict[EffectName, Confirmed],
     first: Judged,
     signs: Signs,
     evidence: Evidence,
@@ -123,6 +105,9 @@ def _tried(
     other: Transferred | None,
 ) -> Tried:
     effects = {effect.name: effect for effect in able}
+    confirmed = {
+        name: confirm(fitted, plain, (effects[name],), begins[name].vector) for name in _likely(first, begins)
+    }
     account = Account(
         fitted.plain.twin.body.shape,
         {name: first.chances[name] for name in EFFECT_NAMES},

@@ -25,8 +25,6 @@ FIRST_HORIZON = 5
 """Frames."""
 LOOSE = 3.0
 """Standard deviation of what is believed beforehand, in coordinates."""
-SHARES = (1.0, 0.5, 0.2)
-"""Of a step, the best of which is taken: a whole one may lead across a kink."""
 WIDEST = 12
 """Worlds that are rolled out at once; more would only take memory."""
 
@@ -157,33 +155,6 @@ class Misfit:
         bounded = error * (torch.tanh(far) / far.clamp_min(1e-9))
         rows: Float64[Array, "b m"] = bounded.reshape(len(vectors), -1).double().numpy() / self.noise
         return rows
-
-
-@dataclass(frozen=True)
-class Begun:
-    """Where a fit may begin."""
-
-    vector: Float64[Array, " d"]
-    """Coordinates."""
-    left: float
-    """Mean square of what is left unexplained there."""
-
-
-def stepped(misfit: Misfit, start: Float64[Array, " d"]) -> Begun:
-    """After one Gauss-Newton step of all coordinates; where it was, if no share of the step leaves less."""
-    low, high = misfit.coordinates.bounds
-    jacobian = misfit.jacobian(start, STEPS[0])
-    step = np.linalg.solve(normal(jacobian), -jacobian.T @ misfit(start[None])[0])
-    tried = np.clip(start + np.outer((0.0, *SHARES), step), low, high)
-    squares = (misfit(tried) ** 2).mean(1)
-    best = int(squares.argmin())
-    return Begun(tried[best], float(squares[best]))
-
-
-def normal(jacobian: Float64[Array, "m d"]) -> Float64[Array, "d d"]:
-    """Normal matrix of a step from slopes and from what is believed beforehand."""
-    matrix: Float64[Array, "d d"] = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / LOOSE**2
-    return matrix
 
 
 @dataclass(frozen=True)

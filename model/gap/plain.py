@@ -31,9 +31,6 @@ FARTHEST = 0.5
 """Grasps: no spring of a hand is stretched by more than this in the first frame."""
 DAMPED = 0.4
 """Share of the critical damping of a spring between two points that its dashpot has at most."""
-FASTEST_DRAG = 8.0
-"""[1/s]. What falls at 1.2 m/s has as much, as the lightest cloth does. With more a twin creeps after hands,
-by which it would imitate a late hand, bending and whatever else holds back."""
 FIRM = 0.5
 """Springs of a hand are at least this stiff against those of the object: it holds, it does not dangle."""
 SAME_HAND = 2.5
@@ -154,7 +151,7 @@ class PlainTwin:
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, 300.0 * usual), usual, log=True),
             "damping": _reaching("1", (1e-4, DAMPED), start["damping"], log=True),
-            "drag_rate": _reaching("1/s", (0.01, FASTEST_DRAG), start["drag_rate"], log=True),
+            "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], log=True),
             "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
         }
         if len(self.body.grip):

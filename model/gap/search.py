@@ -5,7 +5,7 @@ delay of 0.03 s does. So each effect is tried at sizes from faint to overwhelmin
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeAlias
 
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from model.gap.effects.base import Effect
-from model.gap.estimate import Begun, Misfit, normal, stepped
+from model.gap.estimate import LOOSE, STEPS, Misfit
 from model.gap.heading import heading
 from model.gap.probes import probes
 from model.gap.schema import EFFECT_NAMES
@@ -27,6 +27,18 @@ STRENGTHS = (0.25, 1.0, 4.0, 16.0)
 """Of what a probe is."""
 FAINT = 0.04
 """So little that hardly anything is different: where an effect begins that helps in no strength."""
+SHARES = (1.0, 0.5, 0.2)
+"""Of a step, the best of which is taken: a whole one may lead across a kink."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """Where a fit of a twin with effects may begin."""
+
+    vector: Float64[Array, " d"]
+    """Coordinates of the twin's own parameters and of the effects'."""
+    left: float
+    """Mean square of what is left unexplained there."""
 
 
 def searched(
@@ -68,7 +80,7 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
     starts = [strong(misfit, values, factors) for factors in strengths for values in known]
     best = _promising(study, misfit, np.stack(starts))
     misfit.settle()
-    there = stepped(misfit, starts[best])
+    there = _stepped(misfit, starts[best])
     faint = strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
     left = float((misfit(faint[None])[0] ** 2).mean())
     return there if there.left < left else Begun(faint, left)
@@ -93,8 +105,19 @@ def _promising(study: Study, misfit: Misfit, starts: Float64[Array, "s d"]) -> i
     """Which of these would leave least, were the plain twin's parameters to follow."""
     left, jacobian = misfit(starts), study.base.jacobian
     slopes = left @ jacobian
-    explained = (slopes * np.linalg.solve(normal(jacobian), slopes.T).T).sum(1)
+    explained = (slopes * np.linalg.solve(_normal(jacobian), slopes.T).T).sum(1)
     return int(((left**2).sum(1) - explained).argmin())
+
+
+def _stepped(misfit: Misfit, start: Float64[Array, " d"]) -> Begun:
+    """After one Gauss-Newton step of all coordinates; where it was, if no share of the step leaves less."""
+    low, high = misfit.coordinates.bounds
+    jacobian = misfit.jacobian(start, STEPS[0])
+    step = np.linalg.solve(_normal(jacobian), -jacobian.T @ misfit(start[None])[0])
+    tried = np.clip(start + np.outer((0.0, *SHARES), step), low, high)
+    squares = (misfit(tried) ** 2).mean(1)
+    best = int(squares.argmin())
+    return Begun(tried[best], float(squares[best]))
 
 
 def values_of(study: Study, effect: Effect, start: Begun) -> dict[str, float]:
@@ -102,6 +125,11 @@ def values_of(study: Study, effect: Effect, start: Begun) -> dict[str, float]:
     misfit = study.misfit.of(replace(study.plain, effects=(effect,)))
     known = misfit.coordinates.values(start.vector)
     return {name: value for name, value in known.items() if name not in study.plain.quantities}
+
+
+def _normal(jacobian: Float64[Array, "m d"]) -> Float64[Array, "d d"]:
+    normal: Float64[Array, "d d"] = jacobian.T @ jacobian + np.eye(jacobian.shape[1]) / LOOSE**2
+    return normal
 
 
 def _named(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:

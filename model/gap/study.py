@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.stats import qmc
 
 from model.gap.bodies.body import body_of
-from model.gap.estimate import Begun, Estimate, Misfit, Span, estimate, stepped
+from model.gap.estimate import FIRST_HORIZON, Estimate, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
@@ -22,9 +22,9 @@ LEAST_NOISE = 3e-4
 """Innovations are weighed by no less [m]: twins are not exact to the last digit of a good sensor."""
 STEPS = 4
 """Gauss-Newton steps for each horizon; every fit of a diagnosis gets as many."""
-STARTS, STEPPED, FOLLOWED = 35, 8, 2
-"""Places that a fit looks at, those that it takes a step from, and those that it begins from."""
-SPREAD = {"stiffness": 4.0, "damping": 2.5, "drag_rate": 3.0, "grip": 2.0, "friction": 1.2}
+STARTS, FOLLOWED = 35, 2
+"""Places that a fit looks at, and those that it begins from."""
+SPREAD = {"stiffness": 4.0, "damping": 2.5, "drag_rate": 2.0, "grip": 2.0, "friction": 1.2}
 """How far around the places are, in powers of e."""
 
 
@@ -98,23 +98,16 @@ def best_fit(misfit: Misfit, start: dict[str, float]) -> Estimate:
     """From where a twin came, and from the better of many places all around: the fit that leaves least.
 
     Over short horizons all parameters predict alike, over long ones the misfit is rough: whoever follows one
-    start alone ends in some valley. So many are looked at over the whole time. How deep a valley is shows
-    after a step into it, not at its edge: the best places take one, and the best of those are followed.
+    start alone ends in some valley. So many are looked at over the whole time, and the best of them are
+    followed from a quarter of it on.
     """
     tried = starts_of(misfit, start)
     left = (misfit(tried) ** 2).mean(1)
-    begun = [_settled(misfit, tried[i]) for i in np.argsort(left, kind="stable")[:STEPPED]]
     misfit.settle()
-    followed = sorted(begun, key=lambda one: one.left)[:FOLLOWED]
-    whole = misfit.span.last - misfit.span.first
-    return min(
-        (estimate(misfit, one.vector[None], STEPS, whole) for one in followed), key=lambda one: one.cost
-    )
-
-
-def _settled(misfit: Misfit, start: Float64[Array, " d"]) -> Begun:
-    misfit.settle()
-    return stepped(misfit, start)
+    quarter = max(FIRST_HORIZON, (misfit.span.last - misfit.span.first) // 4)
+    followed = [tried[i] for i in np.argsort(left, kind="stable")[:FOLLOWED]]
+    found = [estimate(misfit, one[None], STEPS, quarter) for one in followed]
+    return min(found, key=lambda one: one.cost)
 
 
 def starts_of(misfit: Misfit, start: dict[str, float]) -> Float64[Array, "s d"]:

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from model.gap.acts_on import acting
-from model.gap.confirm import against, confirm, fairest, fitted, further, held_out, localised, refit
+from model.gap.confirm import confirm, fitted, further, held_out, localised, refit
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Effect, Quantity
 from model.gap.search import beginning
@@ -67,37 +67,6 @@ def test_a_placebo_closes_nothing(dragged):
     assert -2.0 < found.evidence < 1.0
     low, high = found.intervals["placebo.amount"]
     assert high > 100.0 * low  # nothing is known of it
-
-
-def _lost(study):
-    """The plain twin in a valley that its fit does not leave: hardly any drag, and far too soft."""
-    coordinates = study.misfit.coordinates
-    values = {**study.base.values, "stiffness": study.base.values["stiffness"] / 30.0, "drag_rate": 0.01}
-    return fitted(study, study.plain, coordinates.vector(values), steps=1)
-
-
-def test_the_plain_twin_is_fair_where_an_effect_has_led_to_a_better_valley(null):
-    lost = _lost(null)
-    placebo = confirmed(null, lost, (Placebo(),), {})
-    assert placebo.estimate.cost < 0.5 * lost.estimate.cost
-    assert placebo.evidence > 5.0
-    fair = fairest(null, lost, [placebo])
-    assert fair.estimate.cost < 1.01 * placebo.estimate.cost
-    compared = against(null, fair, placebo)
-    assert compared.estimate.cost <= placebo.estimate.cost
-    assert compared.evidence < 1.0
-    assert fairest(null, fair, [compared]) is fair
-
-
-def test_an_effect_is_fitted_again_from_the_better_valley(dragged):
-    """Drag that was fitted in a bad valley is as much in the end as one that was fitted in the best."""
-    lost = _lost(dragged)
-    coordinates = dragged.misfit.of(replace(dragged.plain, effects=(QuadraticAirDrag(),))).coordinates
-    start = coordinates.vector({**lost.estimate.values, DRAG: 0.01})
-    bad = confirm(dragged, lost, (QuadraticAirDrag(),), start)
-    again = against(dragged, refit(dragged), bad)
-    assert again.estimate.cost < 0.7 * refit(dragged).estimate.cost
-    assert again.estimate.values[DRAG] == pytest.approx(4.0, rel=0.2)
 
 
 def test_where_nothing_is_missing_nothing_is_found(null):
