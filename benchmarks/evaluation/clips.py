@@ -48,10 +48,8 @@ def main() -> None:
             for left_out in (None, given.without):
                 first, own = (futures(records, name, left_out) for name in (methods[0], method))
                 cells += [said(mean(own)), said(mean_difference(first, own))]
-            alone = [
-                1e3 * r.future["track"] for r in records if (r.method, r.case) == (method, given.without)
-            ]
-            cells.append(", ".join(f"{value:.1f}" for value in alone))
+            every = futures(records, method, None).items()
+            cells.append(", ".join(f"{error:.1f}" for (_, case), error in every if case == given.without))
             print(f"| {' | '.join(cells)} |")
 
 

@@ -28,23 +28,22 @@ def healthy_worlds(description: str | None, arguments: list[str] | None) -> tupl
     )
     parser.add_argument("worlds", type=Path)
     folder: Path = parser.parse_args(arguments).worlds
-    if not (folder / PLAIN).is_file():
-        parser.error(f"{folder}: expected development worlds with {PLAIN}")
+    labels = open_labels_of(folder, parser, "it asks of")
     warnings.simplefilter("ignore")
     torch.set_num_threads(1)
-    return folder, [label for label in open_labels(folder) if label["category"] == HEALTHY]
+    return folder, [label for label in labels if label["category"] == HEALTHY]
 
 
-def labels_to_learn_from(folder: Path, parser: argparse.ArgumentParser, what: str) -> list[Label]:
+def open_labels_of(folder: Path, parser: argparse.ArgumentParser, what: str) -> list[Label]:
     """The labels of development worlds; sealed ones end the command.
 
     Args:
         folder: Of the worlds.
         parser: Of the command.
-        what: Is learned from them, with its verb, for the message.
+        what: Is done with them, for the message.
     """
     if not (folder / PLAIN).is_file():
-        parser.error(f"{folder} has no open labels: {what} development worlds alone")
+        parser.error(f"{folder} has no open labels ({PLAIN}): {what} development worlds alone")
     return open_labels(folder)
 
 

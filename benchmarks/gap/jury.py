@@ -22,8 +22,8 @@ import torch
 from jaxtyping import Int64
 from safetensors.torch import save_file
 
-from benchmarks.gap.development import done_by, labels_to_learn_from
-from model.gap.benchmark.predict import transfer_of
+from benchmarks.gap.development import done_by, open_labels_of
+from model.gap.benchmark.predict import taken_of
 from model.gap.classifier import UNKNOWN
 from model.gap.evidence import gather
 from model.gap.learn import (
@@ -43,7 +43,6 @@ from model.gap.schema import EFFECT_NAMES
 from model.gap.study import study
 from model.gap.transfer import transferred
 from model.gap.worlds import make_world, random_effects
-from model.observation import read_observation
 from model.types import Array, Observation
 
 BOTH = ".both.npz"
@@ -94,11 +93,8 @@ def of_folder(world: str, folder: Path, effects: tuple[str, ...], out: Path) -> 
     path = out / f"{world}.npz"
     if not path.is_file():
         warnings.simplefilter("ignore")
-        other = transfer_of(folder / path.name)
-        transfer = read_observation(other) if other.is_file() else None
-        write_examples(
-            path, examples_of(read_observation(folder / path.name), transfer, effects, folder.name)
-        )
+        taken, transfer = taken_of(folder / path.name)
+        write_examples(path, examples_of(taken.observation, transfer, effects, folder.name))
     return path.name
 
 
@@ -184,7 +180,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         seeds = range(options.first, options.first + options.count)
         done_by(options.workers, [partial(own, seed, options.out) for seed in seeds])
         return 0
-    labels = labels_to_learn_from(options.worlds, parser, "a jury is trained on")
+    labels = open_labels_of(options.worlds, parser, "a jury is trained on")
     jobs = [
         partial(
             of_folder,

@@ -23,7 +23,7 @@ from jaxtyping import Float64
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from benchmarks.gap.development import done_by, labels_to_learn_from
+from benchmarks.gap.development import done_by, open_labels_of
 from model.gap.account import Account, Explained
 from model.gap.benchmark.predict import taken_of
 from model.gap.benchmark.scores import calibration_error
@@ -204,7 +204,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"nothing gathered in {', '.join(empty)}")
         learn(options.folders, options.out)
         return 0
-    labels = labels_to_learn_from(options.worlds, parser, "weights are learned from")
+    labels = open_labels_of(options.worlds, parser, "weights are learned from")
     options.out.mkdir(parents=True, exist_ok=True)
     jobs = [
         partial(

@@ -72,17 +72,23 @@ def closure(
 def transfer(
     study: Study,
     other: Transferred,
-    plain: Fitted,
+    refitted: Forecast,
     with_effect: Fitted | None = None,
     flexible: Fitted | None = None,
 ) -> Closed:
-    """The same on another recording, to which nothing is fitted but the pose in its first frame."""
+    """The same on another recording, to which nothing is fitted but the pose in its first frame.
+
+    Args:
+        study: The twin as it came.
+        other: The other recording.
+        refitted: What the plain twin from `confirm.refit` foretells there.
+        with_effect: From `confirm.confirm`; None: the verdict has no effect.
+        flexible: From `ceiling.ceiling`; None: not determined.
+    """
 
     def there(one: Fitted | None) -> Forecast | None:
         return None if one is None else other.forecast(one.hypothesis, one.estimate.values)
 
-    refitted = there(plain)
-    assert refitted is not None
     foretold = Foretold(
         other.forecast(study.plain, study.start), refitted, there(with_effect), there(flexible)
     )

@@ -13,6 +13,7 @@ from model.gap.confirm import Confirmed, Fitted, confirm, held_out, localised, r
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence, gather
+from model.gap.forecast import Forecast
 from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
@@ -83,11 +84,15 @@ def _diagnosed(
     begins = searched(fitted, able, lambda share: tell("screen", 0.4 + 0.15 * share))
     tell("confirm", 0.55)
     plain = refit(fitted)
-    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, begins, other)
+    refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
+    off = _astray(plain, refitted)
+    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, begins, other, off)
     tell("ceiling", 0.8)
     flexible = ceiling(fitted, plain)
     tell("where", 0.9)
-    there = None if other is None else closed_there(fitted, other, plain, tried.chosen, flexible)
+    there = None
+    if other is not None and refitted is not None:
+        there = closed_there(fitted, other, refitted, tried.chosen, flexible)
     here = closure(fitted, plain, tried.chosen, flexible)
     found = Found(fitted, plain, tried, signs, evidence, locate(fitted), here, there)
     tell("report", 0.97)
@@ -103,6 +108,7 @@ def _tried(
     able: list[Effect],
     begins: Mapping[EffectName, Begun],
     other: Transferred | None,
+    off: tuple[float, ...],
 ) -> Tried:
     effects = {effect.name: effect for effect in able}
     confirmed = {
@@ -112,7 +118,7 @@ def _tried(
         fitted.plain.twin.body.shape,
         {name: first.chances[name] for name in EFFECT_NAMES},
         _explained(fitted, other, plain, confirmed),
-        _astray(fitted, other, plain),
+        off,
     )
     verdict = Weighing.shipped().judged(account)
     best = verdict.effect
@@ -163,10 +169,8 @@ def _explained(
     return explained
 
 
-def _astray(fitted: Study, other: Transferred | None, plain: Fitted) -> tuple[float, ...]:
+def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:
     """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     size = size_of(plain.world.system.points.double().numpy())
-    runs = [plain.foretold]
-    if other is not None:
-        runs.append(other.forecast(fitted.plain, plain.estimate.values))
+    runs = [plain.foretold, *([] if there is None else [there])]
     return tuple(one.error / size for one in runs)

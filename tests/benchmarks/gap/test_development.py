@@ -12,7 +12,7 @@ def test_healthy_worlds_of_open_labels_alone(tmp_path, capsys, monkeypatch):
     with pytest.raises(SystemExit) as ended:
         healthy_worlds("Of what.", [str(tmp_path)])
     assert ended.value.code == 2
-    assert "expected development worlds with labels.json" in capsys.readouterr().err
+    assert "has no open labels (labels.json): it asks of development worlds alone" in capsys.readouterr().err
     rest = {"effects": [], "accepted": []}
     labels = [{"world": name, "category": what, **rest} for name, what in (("a", "null"), ("b", "single"))]
     (tmp_path / "labels.json").write_text(json.dumps(labels))

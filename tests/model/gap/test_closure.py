@@ -78,7 +78,9 @@ def test_it_closes_on_another_recording_too(dragged, both, studied, hung):
         points=(other.points @ turn.T + [0.4, 0.1, 0.2]).astype(np.float32),
         controllers=(other.controllers @ turn.T + [0.4, 0.1, 0.2]).astype(np.float32),
     )
-    found = transfer(dragged, transferred(dragged, moved), plain, true)
+    elsewhere = transferred(dragged, moved)
+    there = elsewhere.forecast(plain.hypothesis, plain.estimate.values)
+    found = transfer(dragged, elsewhere, there, true)
     assert found.closure.refit > 2.0 * found.closure.with_effect
     assert found.closure.closed_fraction > 0.6
     assert found.closure.ceiling is None
