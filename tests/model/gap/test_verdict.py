@@ -47,6 +47,14 @@ def test_the_best_is_the_likeliest():
     assert len(judged.ranked) == len(CLASSES) - 2
 
 
+@pytest.mark.parametrize(("nothing", "answer"), [(0.45, "wind"), (0.5, "none"), (0.55, "none")])
+def test_first_whether_something_is_missing_then_what(nothing, answer):
+    """Two that cannot be told apart share what speaks for something: nothing is not the answer for that."""
+    judged = said(none=nothing, wind=0.26, gravity_tilt=0.19)
+    assert judged.best == answer
+    assert judged.effect == (None if answer == "none" else answer)
+
+
 def test_of_equals_the_best_is_the_first_of_the_ranking():
     judged = Judged({"wind": 0.4, "gravity_tilt": 0.4, "none": 0.1, "unknown": 0.1} | _nothing())
     assert (judged.best, judged.effect) == ("wind", "wind")
