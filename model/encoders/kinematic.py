@@ -41,7 +41,7 @@ class KinematicEncoder(MotionEncoder):
     """
 
     name: ClassVar[str] = "kinematic"
-    version: ClassVar[str] = "2"
+    version: ClassVar[str] = "3"
     needs_references: ClassVar[bool] = True
     PART_FEATURES: ClassVar[int] = 3 * len(LOOKS) + 3
 

@@ -81,9 +81,8 @@ def make_batch(examples: Sequence[Example]) -> Batch:
 def true_values(case: Case, parts: int) -> TrueValues:
     """What the prediction of a case should have been.
 
-    Springs across a border take the mean of the logarithms of their two parts' moduli, as the world has them
-    (`model/scenes/world/truth.py`). The mean modulus, which `lattice_stiffness` takes, is at least half the
-    stiffer one's however soft the other part is.
+    Springs across a border take the mean of the logarithms of their two parts' moduli, as in
+    `lattice_stiffness`.
 
     Args:
         case: With or without a truth.

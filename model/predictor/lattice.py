@@ -1,7 +1,7 @@
 """Stiffness of springs such that their network has a given Young's modulus."""
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float64, Integer
 from scipy.spatial import cKDTree
 
 from model.types import Array, ShapeClass, Topology
@@ -37,7 +37,8 @@ def lattice_stiffness(
     $C_{12}=\frac12\langle\cos^2\theta\sin^2\theta\rangle$, $C_{22}+C_{23}=\frac12\langle\sin^4\theta\rangle$
 
     (each times $\sum kL^2/V$): 1/6 for directions without preference, 1 for springs all along the axis.
-    Springs across a border take the mean Y of their two parts.
+    Springs across a border take the mean of the logarithms of their two parts' moduli: the mean modulus
+    would be at least half the stiffer one's, however soft the other part is.
 
     In a rope Y falls off from the axis to the surface (`_core`): its yarns slide on each other, so it bends
     far more easily than a rod of the same stiffness in tension.
@@ -54,16 +55,33 @@ def lattice_stiffness(
         Jiang et al. (2025), PhysTwin (k = Y/L).
     """
     shares = lattice_shares(topology, len(modulus), shape_class)
-    ends = topology.part[topology.springs]
-    stiffness: Float64[Array, " E"] = (shares * (modulus * volume)[ends]).sum(axis=1)
+    return sprung(shares, np.log(np.asarray(modulus, np.float64)), volume, topology.part[topology.springs])
+
+
+def sprung(
+    shares: Float64[Array, "E 2"],
+    log_modulus: Float64[Array, " K"],
+    volume: Float[Array, " K"],
+    ends: Integer[Array, "E 2"],
+) -> Float64[Array, " E"]:
+    """What `lattice_stiffness` is of known shares [N/m].
+
+    Args:
+        shares: From `lattice_shares`.
+        log_modulus: ln of Young's modulus per part [ln Pa].
+        volume: Per part [m³].
+        ends: Parts that each spring joins.
+    """
+    unit = (shares * volume[ends]).sum(axis=1)
+    stiffness: Float64[Array, " E"] = unit * np.exp(log_modulus[ends].mean(axis=1))
     return stiffness
 
 
 def lattice_shares(topology: Topology, parts: int, shape_class: ShapeClass) -> Float64[Array, "E 2"]:
-    """What each end's part adds to a spring's stiffness per modulus × volume of that part [1/m²].
+    """What each end's part adds to a spring's stiffness in a body of 1 Pa, per volume of that part [1/m²].
 
     It depends on the network alone, so it is found once for many beliefs about the materials; see
-    `lattice_stiffness`, which sums it up.
+    `sprung`, which sums it up.
     """
     length = topology.rest_length.astype(np.float64)
     ends = topology.part[topology.springs]

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 import sys
 import traceback
 import warnings
@@ -18,6 +19,7 @@ from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 
 from model.errors import InputError
+from model.formats.files import replacing
 from model.predictor.calibration import calibrate
 from model.predictor.checkpoint import About, save_predictor
 from model.predictor.datamodule import CaseDataModule
@@ -51,7 +53,7 @@ QUIET = (
 
 
 class Export(Callback):
-    """After training: the best network, calibrated on held-out objects, as one file with its card.
+    """After training: the best network, calibrated on held-out objects, with card and log of the training.
 
     Args:
         path: Where it goes; None: `predictor.safetensors` beside the logs.
@@ -96,6 +98,11 @@ class Export(Callback):
             config=self._config,
         )
         save_predictor(path, pl_module.network, about)
+        for logger in trainer.loggers:
+            if isinstance(logger, CSVLogger):
+                logger.save()
+                with replacing(path.with_suffix(".csv")) as temporary:
+                    shutil.copyfile(logger.experiment.metrics_file_path, temporary)
         print(f"wrote {path}")  # noqa: T201 - the answer of the command
 
 

@@ -194,8 +194,8 @@ def _scenery(sample: Sample) -> Float[Tensor, "B i"]:
 
 
 def _between(log_modulus: Float[Tensor, " K"], sample: Sample) -> Float[Tensor, " E"]:
-    """Ln of the mean modulus of each spring's two ends: the part's own where both are of one part."""
-    return torch.logsumexp(log_modulus[sample.edge_part] + sample.edge_weight.log(), dim=-1)
+    """Mean of both ends' logarithms: the part's own where both are of one part."""
+    return log_modulus[sample.edge_part].mean(dim=-1)
 
 
 def _inner_mean(local: Float[Tensor, " E"], sample: Sample) -> Float[Tensor, " K"]:

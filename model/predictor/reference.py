@@ -12,7 +12,7 @@ from model.encoders.motion import GLOBALS, ReferenceMotion
 from model.encoders.response import explain, spreads_before
 from model.encoders.seen import across
 from model.predictor.affordable import affordable
-from model.predictor.lattice import lattice_shares
+from model.predictor.lattice import lattice_shares, sprung
 from model.predictor.prior_means import dashpot_damping, grip_stiffness
 from model.scenes.case import Anchors
 from model.scenes.replay import observed, topology_simulator
@@ -188,8 +188,7 @@ class _Bench:
     def _stiffness(self, log_modulus: Float64[Array, " K"]) -> Float64[Array, " E"]:
         """Springs of a body with these specific moduli [N/m]: volume × modulus is mass × E/ρ."""
         ends = self.topology.part[self.topology.springs]
-        stiffness: Float64[Array, " E"] = (self.shares * (np.exp(log_modulus) * self.mass)[ends]).sum(axis=1)
-        return stiffness
+        return sprung(self.shares, log_modulus, self.mass, ends)
 
     def _dashpot(self, stiffness: Float64[Array, " E"]) -> float:
         return dashpot_damping(self.topology, stiffness, DAMPING_RATIO)

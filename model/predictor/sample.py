@@ -34,8 +34,6 @@ class Sample:
     """Mass points that each spring joins."""
     edge_part: Int64[Tensor, "E 2"]
     """Parts of its two ends; equal for inner springs."""
-    edge_weight: Float[Tensor, "E 2"]
-    """How much the modulus at each end counts for the spring's; rows sum to 1, inner springs have halves."""
     edge_features: Float[Tensor, "E Fe"]
     point_part: Int64[Tensor, " P"]
     part_scene: Int64[Tensor, " K"]
@@ -137,29 +135,28 @@ def make_sample(
     shape = geometry or describe_geometry(topology, len(priors), shape_class, ground_height)
     volume = volumes(topology, priors)
     ends = topology.part[topology.springs]
-    modulus = np.exp(log_means(priors, ("stiffness",))[:, 0])
-    unit = shape.shares * volume[ends]
+    log_modulus = log_means(priors, ("stiffness",))[:, 0]
+    unit = (shape.shares * volume[ends]).sum(axis=1)
     # a part whose springs resist nothing has none of its own: its share is small rather than nothing
-    unit = np.maximum(unit, LEAST * np.median(unit.sum(axis=1)))
-    stiffness = (unit * modulus[ends]).sum(axis=1)
+    unit = np.maximum(unit, LEAST * np.median(unit))
+    stiffness = unit * np.exp(log_modulus[ends].mean(axis=1))
     anchor, spread = _global_anchor(topology, priors, volume, stiffness)
     beliefs = describe_beliefs(priors, shape.size, gravity)
     return Sample(
         edges=_whole(topology.springs),
         edge_part=_whole(ends),
-        edge_weight=_real(unit / unit.sum(axis=1, keepdims=True)),
         edge_features=_real(shape.edges),
         point_part=_whole(topology.part),
         part_scene=torch.zeros(len(priors), dtype=torch.long),
         motion=_real(motion.points),
         motion_global=_real(motion.whole[None]),
         distribution=_real(np.stack([prior.distribution for prior in priors])),
-        prior_log_modulus=_real(np.log(modulus)),
+        prior_log_modulus=_real(log_modulus),
         prior_log_spread=_real(np.array([prior.properties["stiffness"].spread for prior in priors])),
         part_share=_real(volume / volume.sum()),
         part_features=_real(np.concatenate([shape.parts, beliefs], axis=1)),
         scene_features=_real(shape.scene[None]),
-        log_unit_stiffness=_real(np.log(unit.sum(axis=1))),
+        log_unit_stiffness=_real(np.log(unit)),
         grips=_whole(topology.controller_springs[:, 1]),
         grip_features=_real(shape.grips),
         log_grip_anchor=_real(np.log(grip_stiffness(topology, stiffness))),

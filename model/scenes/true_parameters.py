@@ -14,8 +14,6 @@ from model.types import Estimate, Parameters
 def true_parameters(case: Case) -> Parameters:
     """Every part's true modulus on the twin's springs, and the true global parameters.
 
-    Springs across a border take the mean of the two logarithms.
-
     Raises:
         InputError: the case has no truth.
     """
@@ -32,12 +30,9 @@ def true_parameters(case: Case) -> Parameters:
     )
     density = np.array([prior.properties["density"].mean for prior in case.priors])
     mass = np.bincount(topology.part, topology.mass.astype(np.float64), minlength=len(density))
-    unit = lattice_stiffness(topology, np.ones(len(density)), mass / density, case.shape_class)
-    logs = np.log(truth.modulus)[topology.part[topology.springs]].mean(axis=1)
+    stiffness = lattice_stiffness(topology, truth.modulus, mass / density, case.shape_class)
     names = ("dashpot_damping", "drag_rate", "friction", "restitution")
     exactly = {
         name: replace(guess.globals[name], value=float(getattr(truth, name)), std=None) for name in names
     }
-    return replace(
-        guess, stiffness=(unit * np.exp(logs)).astype(np.float32), globals={**guess.globals, **exactly}
-    )
+    return replace(guess, stiffness=stiffness.astype(np.float32), globals={**guess.globals, **exactly})

@@ -23,7 +23,10 @@ OUTSIDE = 0.003
 CLEARANCE = 0.0005
 """Between the ground and the lowest point of an object that lies on it [m]."""
 FORCE = 12.0
-"""What a hand presses or pulls with, about [N]: sets how far stiff objects are deformed."""
+"""What a hand usually presses or pulls with [N]: sets how far stiff objects are deformed."""
+FIRMNESS = 0.7
+"""Standard deviation of the logarithm of that force from clip to clip. A hand stops at a force, not at a
+strain, so how far it goes tells something of the modulus; with one force for all it would tell it exactly."""
 ALL_INTERACTIONS: tuple[Interaction, ...] = (
     "lift",
     "double_lift",
@@ -126,7 +129,7 @@ def _push(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generato
         place = place + 0.15 * posed.size() * rng.uniform(-1.0, 1.0, 3) * (1.0, 1.0, 0.0)
         # the nearest place of the surface below, height hardly counted, and of those the upper side
         place = posed.surface[np.argmin((((posed.surface - place) * (1.0, 1.0, 0.2)) ** 2).sum(axis=1))]
-        give = min(0.35, FORCE / (2e-3 * handled.modulus))
+        give = min(0.35, _force(rng) / (2e-3 * handled.modulus))
         depth = give * place[2]
         slide = rng.uniform(0.02, 0.08) * ease(times, begin, begin + rng.uniform(0.8, 1.5))
         way = np.outer(press, [0.0, 0.0, -depth]) + np.outer(0.7 * depth * press + slide, sideways)
@@ -145,7 +148,7 @@ def _stretch(handled: Handled, times: Float64[Array, " T"], rng: np.random.Gener
     posed = _lying(handled, times, rng)
     first, second = _far_apart(posed.grips)
     apart = float(np.linalg.norm(second - first))
-    strain = float(np.clip(FORCE / (1.5e-3 * handled.modulus), 0.02, 0.3)) * rng.uniform(0.6, 1.1)
+    strain = float(np.clip(_force(rng) / (1.5e-3 * handled.modulus), 0.02, 0.3)) * rng.uniform(0.6, 1.1)
     begin, pace = rng.uniform(0.05, 0.2), rng.uniform(0.35, 0.6)
     pull = np.sin(np.pi * np.clip((times - begin) / (2.0 * pace), 0.0, None)) ** 2
     way = np.outer(strain * apart * pull, (second - first) / max(apart, 1e-9))
@@ -154,6 +157,11 @@ def _stretch(handled: Handled, times: Float64[Array, " T"], rng: np.random.Gener
     still = np.zeros((len(times), 3))
     moves = [(first, raised - share * way, still), (second, raised + (1.0 - share) * way, still)]
     return _script(posed, moves, rng)
+
+
+def _force(rng: np.random.Generator) -> float:
+    """Of the hand in one clip [N]."""
+    return FORCE * float(np.exp(FIRMNESS * rng.standard_normal()))
 
 
 def _fold(handled: Handled, times: Float64[Array, " T"], rng: np.random.Generator) -> Script:

@@ -106,18 +106,6 @@ def fine_graph(
     )
 
 
-def part_stiffness(
-    topology: Topology,
-    modulus: Float64[Array, " K"],
-    volume: Float64[Array, " K"],
-    shape_class: ShapeClass,
-) -> Float64[Array, " E"]:
-    """Springs of parts with these moduli [N/m]; across a border, the mean of the two logarithms."""
-    unit = lattice_stiffness(topology, np.ones_like(modulus), volume, shape_class)
-    logs = np.log(modulus)[topology.part[topology.springs]].mean(axis=1)
-    return np.asarray(unit * np.exp(logs), np.float64)
-
-
 def part_volumes(topology: Topology, density: Float64[Array, " K"]) -> Float64[Array, " K"]:
     """Volume of each part [m³]: the mass of its points over its density."""
     mass = np.bincount(topology.part, topology.mass.astype(np.float64), minlength=len(density))
@@ -134,7 +122,7 @@ def affordable(
     volume, specific = part_volumes(topology, density), modulus / density
     nothing = np.zeros(0)
     for _ in range(4):
-        stiffness = part_stiffness(topology, specific * density, volume, shape_class)
+        stiffness = lattice_stiffness(topology, specific * density, volume, shape_class)
         # a fifth more for the hands, which are not there yet
         needed = MARGIN / (30.0 * stable_step(1.2 * GIVING * fastest(topology, stiffness, nothing), 0.0))
         if needed <= SUBSTEPS:
@@ -168,7 +156,7 @@ def make_world(
     """
     density = np.array([substance.density for substance in substances])
     volume = part_volumes(topology, density)
-    stiffness = part_stiffness(topology, modulus, volume, shape_class)
+    stiffness = lattice_stiffness(topology, modulus, volume, shape_class)
     stiffness = GIVING * stiffness * _uneven(topology, rng)
     ratio = np.log([substance.damping for substance in substances])
     ratio = np.exp(ratio - ratio @ volume / volume.sum())

@@ -5,8 +5,9 @@ import pytest
 import torch
 
 from model.predictor.batches import Example, make_batch, true_values
+from model.predictor.lattice import lattice_stiffness
 from model.scenes.true_parameters import true_parameters
-from model.scenes.world.truth import part_stiffness, part_volumes
+from model.scenes.world.truth import part_volumes
 
 
 def test_truth_is_in_the_coordinates_of_a_prediction(make_case):
@@ -28,8 +29,8 @@ def test_springs_across_a_border_are_taught_as_the_world_has_them(make_case):
     np.testing.assert_allclose(logs[border], np.log(4e4), rtol=1e-6)
     density = np.array([prior.properties["density"].mean for prior in case.priors])
     volume = part_volumes(case.topology, density)
-    world = part_stiffness(case.topology, case.truth.modulus, volume, case.shape_class)
-    unit = part_stiffness(case.topology, np.ones(2), volume, case.shape_class)
+    world = lattice_stiffness(case.topology, case.truth.modulus, volume, case.shape_class)
+    unit = lattice_stiffness(case.topology, np.ones(2), volume, case.shape_class)
     np.testing.assert_allclose(logs, np.log(world / unit), rtol=1e-6)
     np.testing.assert_allclose(true_parameters(case).stiffness, world, rtol=1e-5)
 

@@ -72,6 +72,9 @@ def test_training_leaves_logs_checkpoints_a_predictor_and_its_card(trained):
     assert known.about.training["epochs"] == 2
     assert yaml.safe_load(known.about.config)["trainer"]["max_epochs"] == 2
     assert "held-out" in (trained / "predictor.md").read_text()
+    log = (trained / "predictor.csv").read_text()
+    assert {"epoch", "train/loss", "val/loss", "val/rank_uniform"} <= set(log.splitlines()[0].split(","))
+    assert log == (trained / "metrics.csv").read_text()
 
 
 @pytest.mark.parametrize("name", ["default", "quick", *ABLATIONS])

@@ -13,7 +13,6 @@ from model.scenes.world.truth import (
     fine_graph,
     hold,
     make_world,
-    part_stiffness,
     part_volumes,
     run_world,
 )
@@ -52,7 +51,7 @@ def test_the_graph_weighs_what_its_parts_weigh(block):
 def test_springs_are_those_of_the_lattice_and_borders_take_the_mean_of_logarithms(block):
     graph, modulus = block[1], np.array([1e3, 1e5])
     volume = part_volumes(graph, np.array([FOAM.density, HEAVY.density]))
-    found = part_stiffness(graph, modulus, volume, "solid")
+    found = lattice_stiffness(graph, modulus, volume, "solid")
     unit = lattice_stiffness(graph, np.ones(2), volume, "solid")
     ends = graph.part[graph.springs]
     np.testing.assert_allclose(found[(ends == 0).all(axis=1)], 1e3 * unit[(ends == 0).all(axis=1)])
@@ -73,7 +72,7 @@ def test_only_what_is_too_stiff_is_softened(block):
 def test_the_modulus_varies_smoothly_within_a_part_but_not_on_average(block, world):
     graph = block[1]
     volume = part_volumes(graph, np.array([FOAM.density, HEAVY.density]))
-    logs = np.log(world.stiffness / GIVING / part_stiffness(graph, world.modulus, volume, "solid"))
+    logs = np.log(world.stiffness / GIVING / lattice_stiffness(graph, world.modulus, volume, "solid"))
     assert 0.4 * UNEVEN < logs.std() < 1.2 * UNEVEN
     for part in range(2):
         own = (graph.part[graph.springs] == part).all(axis=1)
