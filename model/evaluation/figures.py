@@ -21,6 +21,7 @@ from model.gap.report.style import (
     OBSERVED,
     REFIT,
     SMALL,
+    WIDTH,
     new_figure,
     tidy,
 )
@@ -41,6 +42,8 @@ PALETTE = (
     "#999933",
 )
 """Of methods in their order; the first stands out."""
+NAMES = 2.0
+"""Room for the names of methods beside a panel [inch]."""
 PANELS = 4
 """Methods whose stiffness is drawn, at most, in a row."""
 STATED = np.linspace(0.05, 0.95, 19)
@@ -93,7 +96,7 @@ def errors(of: Records, settings: Sequence[Setting]) -> Figure:
 
 def over_time(of: Records) -> Figure:
     """Mean track error over the share of the clip that has passed."""
-    figure = new_figure(3.4)
+    figure = new_figure(3.4, WIDTH + NAMES)
     axes = figure.subplots()
     tidy(axes, grid="y")
     share = np.linspace(0.0, 1.0, 60)
@@ -109,7 +112,7 @@ def over_time(of: Records) -> Figure:
     axes.set_xlabel("share of the clip", fontsize=SMALL)
     axes.set_ylabel("track error [mm]", fontsize=SMALL)
     axes.set_ylim(bottom=0.0)
-    axes.legend(frameon=False, fontsize=SMALL)
+    _name_lines(figure)
     return figure
 
 
@@ -131,7 +134,7 @@ def stiffness(of: Records) -> Figure:
 
 def calibration(of: Records) -> Figure:
     """How many true moduli lie in intervals that are stated to hold a given share."""
-    figure = new_figure(3.4, 3.6)
+    figure = new_figure(3.4, 3.6 + NAMES)
     axes = figure.subplots()
     tidy(axes, grid="y")
     axes.plot([0, 1], [0, 1], color=BASELINE, linewidth=1.0, linestyle="--")
@@ -145,8 +148,13 @@ def calibration(of: Records) -> Figure:
     axes.set_ylim(0, 1)
     axes.set_xlabel("stated probability", fontsize=SMALL)
     axes.set_ylabel("share of true moduli inside", fontsize=SMALL)
-    axes.legend(frameon=False, fontsize=SMALL)
+    _name_lines(figure)
     return figure
+
+
+def _name_lines(figure: Figure) -> None:
+    """Beside the panel: the names of a dozen methods would cover their lines."""
+    figure.legend(loc="outside right upper", frameon=False, fontsize=SMALL)
 
 
 def _parts(records: Sequence[Record]) -> Float64[Array, "n 3"]:

@@ -58,3 +58,13 @@ def test_no_two_methods_of_a_full_table_share_a_colour(of):
     lines = over_time(many).axes[0].lines
     colours = {line.get_color() for line in lines if line.get_label() in many}
     assert len(colours) == 12
+
+
+@pytest.mark.parametrize("draw", [over_time, calibration])
+def test_names_of_a_full_table_cover_no_line(of, draw):
+    figure = draw({f"nearest-anchors-synchronised {k}": of["ours"] for k in range(12)})
+    figure.draw_without_rendering()
+    (names,), (panel,) = figure.legends, figure.axes
+    assert names.get_window_extent().x0 >= panel.get_window_extent().x1
+    assert names.get_window_extent().y0 >= 0.0
+    assert names.get_window_extent().x1 <= figure.bbox.x1
