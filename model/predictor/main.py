@@ -98,12 +98,19 @@ class Export(Callback):
             config=self._config,
         )
         save_predictor(path, pl_module.network, about)
+        self._keep_log(trainer, path.with_suffix(".csv"))
+        print(f"wrote {path}")  # noqa: T201 - the answer of the command
+
+    @staticmethod
+    def _keep_log(trainer: Trainer, path: Path) -> None:
+        """The log as CSV beside the predictor, unless there was no epoch to log."""
         for logger in trainer.loggers:
             if isinstance(logger, CSVLogger):
                 logger.save()
-                with replacing(path.with_suffix(".csv")) as temporary:
-                    shutil.copyfile(logger.experiment.metrics_file_path, temporary)
-        print(f"wrote {path}")  # noqa: T201 - the answer of the command
+                log = Path(logger.experiment.metrics_file_path)
+                if log.is_file():
+                    with replacing(path) as temporary:
+                        shutil.copyfile(log, temporary)
 
 
 class KeepFigures(Callback):

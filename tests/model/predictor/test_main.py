@@ -77,6 +77,12 @@ def test_training_leaves_logs_checkpoints_a_predictor_and_its_card(trained):
     assert log == (trained / "metrics.csv").read_text()
 
 
+def test_a_network_that_no_epoch_trained_is_exported_without_a_log(case_folder, tmp_path):
+    assert fit(case_folder, tmp_path, epochs=0) == 0
+    assert load_predictor(tmp_path / "run-0" / "predictor.safetensors").about.training["epochs"] == 0
+    assert not (tmp_path / "run-0" / "predictor.csv").exists()
+
+
 @pytest.mark.parametrize("name", ["default", "quick", *ABLATIONS])
 def test_every_configuration_trains_two_steps(name, case_folder, tmp_path):
     configs = ("default", name) if name.startswith("without") else (name,)
