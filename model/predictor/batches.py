@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from model.predictor.joining import join_samples
+from model.predictor.lattice import between
 from model.predictor.sample import Sample
 from model.scenes.case import Case
 
@@ -81,8 +82,7 @@ def make_batch(examples: Sequence[Example]) -> Batch:
 def true_values(case: Case, parts: int) -> TrueValues:
     """What the prediction of a case should have been.
 
-    Springs across a border take the mean of the logarithms of their two parts' moduli, as in
-    `lattice_stiffness`.
+    Springs have the moduli that they have in `lattice_stiffness`.
 
     Args:
         case: With or without a truth.
@@ -93,12 +93,12 @@ def true_values(case: Case, parts: int) -> TrueValues:
         springs = len(case.topology.springs)
         return TrueValues(_unknown(springs), _unknown(parts), _unknown(1, 4))
     logs = np.log(truth.modulus)
-    ends = logs[case.topology.part[case.topology.springs]]
+    ends = case.topology.part[case.topology.springs]
     bounce = np.clip(truth.restitution, LEAST_BOUNCE, 1.0 - LEAST_BOUNCE)
     positive = np.log(np.maximum([truth.dashpot_damping, truth.drag_rate, truth.friction], 1e-6))
     values = np.append(positive, np.log(bounce / (1.0 - bounce)))
     return TrueValues(
-        torch.as_tensor(ends.mean(axis=1), dtype=torch.float32),
+        torch.as_tensor(between(logs, ends), dtype=torch.float32),
         torch.as_tensor(logs, dtype=torch.float32),
         torch.as_tensor(values[None], dtype=torch.float32),
     )

@@ -73,8 +73,14 @@ def sprung(
         ends: Parts that each spring joins.
     """
     unit = (shares * volume[ends]).sum(axis=1)
-    stiffness: Float64[Array, " E"] = unit * np.exp(log_modulus[ends].mean(axis=1))
+    stiffness: Float64[Array, " E"] = unit * np.exp(between(log_modulus, ends))
     return stiffness
+
+
+def between(log_modulus: Float64[Array, " K"], ends: Integer[Array, "E 2"]) -> Float64[Array, " E"]:
+    """Ln of the modulus that each spring means, of those of its two ends' parts [ln Pa]."""
+    mean: Float64[Array, " E"] = log_modulus[ends].mean(axis=1)
+    return mean
 
 
 def lattice_shares(topology: Topology, parts: int, shape_class: ShapeClass) -> Float64[Array, "E 2"]:

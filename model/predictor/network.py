@@ -47,7 +47,7 @@ class PredictorNetwork(nn.Module):
     (belief × codebook) and its numbers; a small transformer lets the tokens of a case and of its parts look
     at each other. A part's modulus is its prior's mean times e to what its token says; each spring adds what
     motion, material and geometry around it say. A spring across a border stands between its two parts: its
-    inputs are their means, and so is its modulus, as in `lattice_stiffness`.
+    inputs are their means, and so is its ln of a modulus, as in `lattice_stiffness`.
 
     The dashpot follows the modulus: a prior's damping ratio ζ means $c = 2\zeta\sqrt{km}$, so half of what is
     added to ln k is added to ln c before its own difference.

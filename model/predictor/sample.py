@@ -11,6 +11,7 @@ from torch import Tensor
 from model.errors import InputError
 from model.predictor.beliefs import describe_beliefs, log_means
 from model.predictor.geometry import Geometry, describe_geometry
+from model.predictor.lattice import between
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.prior_means import dashpot_damping, grip_stiffness, pooled, volumes
 from model.types import Array, MaterialPrior, ShapeClass, Topology
@@ -139,7 +140,7 @@ def make_sample(
     unit = (shape.shares * volume[ends]).sum(axis=1)
     # a part whose springs resist nothing has none of its own: its share is small rather than nothing
     unit = np.maximum(unit, LEAST * np.median(unit))
-    stiffness = unit * np.exp(log_modulus[ends].mean(axis=1))
+    stiffness = unit * np.exp(between(log_modulus, ends))
     anchor, spread = _global_anchor(topology, priors, volume, stiffness)
     beliefs = describe_beliefs(priors, shape.size, gravity)
     return Sample(

@@ -7,6 +7,7 @@ import numpy as np
 from model.errors import InputError
 from model.predictor.lattice import lattice_stiffness
 from model.predictor.prior_mean import PriorMeanPredictor
+from model.predictor.prior_means import volumes
 from model.scenes.case import Case
 from model.types import Estimate, Parameters
 
@@ -28,9 +29,7 @@ def true_parameters(case: Case) -> Parameters:
     guess = PriorMeanPredictor().from_priors(
         topology, exact, case.shape_class, seen.gravity, seen.ground_height
     )
-    density = np.array([prior.properties["density"].mean for prior in case.priors])
-    mass = np.bincount(topology.part, topology.mass.astype(np.float64), minlength=len(density))
-    stiffness = lattice_stiffness(topology, truth.modulus, mass / density, case.shape_class)
+    stiffness = lattice_stiffness(topology, truth.modulus, volumes(topology, case.priors), case.shape_class)
     names = ("dashpot_damping", "drag_rate", "friction", "restitution")
     exactly = {
         name: replace(guess.globals[name], value=float(getattr(truth, name)), std=None) for name in names
