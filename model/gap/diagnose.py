@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from model.gap.account import Account, Explained
 from model.gap.acts_on import acting
@@ -66,86 +67,103 @@ def diagnose(
         return _diagnosed(observation, twin, transfer, progress or (lambda stage, share: None))
 
 
+@dataclass(frozen=True)
+class _Screened:
+    """What could explain the gap, before any effect is fitted."""
+
+    effects: Mapping[EffectName, Effect]
+    """Those that can act."""
+    evidence: Evidence
+    signs: Signs
+    first: Judged
+    """What the jury believes."""
+    begins: Mapping[EffectName, Begun]
+    """Where a fit of each may begin; what leaves least first."""
+
+
 def _diagnosed(
     observation: Observation, twin: PlainTwin | None, transfer: Observation | None, tell: Progress
 ) -> Diagnosis:
     tell("refit", 0.0)
     fitted = study(observation, twin)
     other = None if transfer is None else transferred(fitted, transfer)
-    tell("screen", 0.2)
-    able = able_effects(fitted)
-    evidence = gather(fitted, able, lambda share: tell("screen", 0.2 + 0.1 * share))
-    if other is not None:
-        again = other.study(fitted)
-        shown = gather(again, able_effects(again), lambda share: tell("screen", 0.3 + 0.1 * share))
-        evidence = evidence.joined(shown)
-    body = fitted.plain.twin.body
-    signs = signs_of(evidence, body.shape, fitted.base.cost, observation.ground_height is not None)
-    begins = searched(fitted, able, lambda share: tell("screen", 0.4 + 0.15 * share))
-    tell("confirm", 0.55)
+    screened = _screened(fitted, other, tell)
+    tell("confirm", 0.6)
     plain = refit(fitted)
+    confirmed = {name: _fitted(fitted, plain, screened, name) for name in _likely(screened)}
     refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
-    off = _astray(plain, refitted)
-    tried = _tried(fitted, plain, judged(Jury.shipped(), signs), signs, evidence, able, begins, other, off)
-    tell("ceiling", 0.8)
+    account = Account(
+        fitted.plain.twin.body.shape,
+        {name: screened.first.chances[name] for name in EFFECT_NAMES},
+        _explained(fitted, other, plain, confirmed),
+        _astray(plain, refitted),
+    )
+    tried = _tried(fitted, plain, confirmed, screened, account)
+    tell("ceiling", 0.85)
     flexible = ceiling(fitted, plain)
-    tell("where", 0.9)
+    tell("where", 0.92)
     there = None
     if other is not None and refitted is not None:
         there = closed_there(fitted, other, refitted, tried.chosen, flexible)
     here = closure(fitted, plain, tried.chosen, flexible)
-    found = Found(fitted, plain, tried, signs, evidence, locate(fitted), here, there)
+    found = Found(fitted, plain, tried, screened.signs, screened.evidence, locate(fitted), here, there)
     tell("report", 0.97)
     return Diagnosis(found.findings(), found.records(), found.own_values(), tried.account)
+
+
+def _screened(fitted: Study, other: Transferred | None, tell: Progress) -> _Screened:
+    tell("screen", 0.15)
+    able = able_effects(fitted)
+    evidence = gather(fitted, able, lambda share: tell("screen", 0.15 + 0.1 * share))
+    if other is not None:
+        again = other.study(fitted)
+        shown = gather(again, able_effects(again), lambda share: tell("screen", 0.25 + 0.1 * share))
+        evidence = evidence.joined(shown)
+    shape, ground = fitted.plain.twin.body.shape, fitted.observation.ground_height is not None
+    signs = signs_of(evidence, shape, fitted.base.cost, ground)
+    begins = searched(fitted, able, lambda share: tell("screen", 0.35 + 0.25 * share))
+    effects = {name: effect for name in EFFECT_NAMES for effect in able if effect.name == name}
+    return _Screened(effects, evidence, signs, judged(Jury.shipped(), signs), begins)
+
+
+def _fitted(fitted: Study, plain: Fitted, screened: _Screened, name: EffectName) -> Confirmed:
+    return confirm(fitted, plain, (screened.effects[name],), screened.begins[name].vector)
 
 
 def _tried(
     fitted: Study,
     plain: Fitted,
-    first: Judged,
-    signs: Signs,
-    evidence: Evidence,
-    able: list[Effect],
-    begins: Mapping[EffectName, Begun],
-    other: Transferred | None,
-    off: tuple[float, ...],
+    confirmed: dict[EffectName, Confirmed],
+    screened: _Screened,
+    account: Account,
 ) -> Tried:
-    effects = {effect.name: effect for effect in able}
-    confirmed = {
-        name: confirm(fitted, plain, (effects[name],), begins[name].vector) for name in _likely(first, begins)
-    }
-    account = Account(
-        fitted.plain.twin.body.shape,
-        {name: first.chances[name] for name in EFFECT_NAMES},
-        _explained(fitted, other, plain, confirmed),
-        off,
-    )
     verdict = Weighing.shipped().judged(account)
     best = verdict.effect
     if best is None:
         return Tried(verdict, confirmed, None, None, None, account)
-    effect = effects[best]
+    effects, begins = screened.effects, screened.begins
     if best not in confirmed:
-        confirmed[best] = confirm(fitted, plain, (effect,), begins[best].vector)
-    second = second_of(verdict, signs, evidence)
+        confirmed[best] = _fitted(fitted, plain, screened, best)
+    second = second_of(verdict, screened.signs, screened.evidence)
     both = None
     if second is not None and second != best:
         values = {**confirmed[best].estimate.values, **values_of(fitted, effects[second], begins[second])}
-        pair = effect, effects[second]
+        pair = effects[best], effects[second]
         both = confirm(fitted, plain, pair, beginning(fitted, pair, [values]).vector)
         alone = min(confirmed[best].foretold.error, plain.foretold.error)
         if both.foretold.error >= BETTER * alone or both.evidence <= confirmed[best].evidence:
             both = None
-    place = acting(fitted, confirmed[best].estimate, effect)
+    place = acting(fitted, confirmed[best].estimate, effects[best])
     if both is not None:
         return Tried(verdict, confirmed, second, both, place, account)
     confirmed[best] = localised(fitted, plain, confirmed[best], place)
     return Tried(verdict, confirmed, None, confirmed[best], place, account)
 
 
-def _likely(first: Judged, begins: Mapping[EffectName, Begun]) -> list[EffectName]:
+def _likely(screened: _Screened) -> list[EffectName]:
     """Those that the jury ranks first, and those that leave least after a step."""
-    ranked = [name for name in first.ranked if name in begins][:LIKELIEST]
+    begins = screened.begins
+    ranked = [name for name in screened.first.ranked if name in begins][:LIKELIEST]
     return list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
 
 

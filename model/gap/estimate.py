@@ -25,7 +25,7 @@ FIRST_HORIZON = 5
 """Frames."""
 LOOSE = 3.0
 """Standard deviation of what is believed beforehand, in coordinates."""
-WIDEST = 12
+WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
 
 

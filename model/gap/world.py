@@ -98,7 +98,7 @@ class World:
             state: At frame `first`; None: at rest.
             first: Frame to start from.
             last: Frame to end with; None: the last there is.
-            substeps: Per frame; None: as many as stability asks for.
+            substeps: Per frame, taken without a look; None: as many as stability asks for.
             lead: Called after each frame, counted from `first`; see `Simulator.rollout`.
         """
         last = len(self.times) - 1 if last is None else last
@@ -108,6 +108,7 @@ class World:
             held,
             times=np.asarray(self.times[first : last + 1]),
             substeps=substeps,
+            trusted=True,
             checkpoint=True,
             lead=lead,
         )

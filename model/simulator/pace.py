@@ -62,10 +62,8 @@ class Pace:
 
     def __init__(self, dynamics: Dynamics, path: Path, given: int | None) -> None:
         """See the class."""
-        if given is not None and given < 1:
-            raise InputError(f"substeps is {given}: give at least 1, or leave it out")
         self._watch = StabilityWatch(dynamics, path.slopes)
-        self._given, self._unit = given, path.look
+        self._given, self._unit = None if given is None else some(given), path.look
         self._limit, self._repeats, self._warned = math.inf, 0, False
         self._seen, self._energy = math.inf, 0.0
         self._due = self._wait = 2 * path.look
@@ -120,6 +118,39 @@ class Pace:
         if not self._warned:
             self._warned = True
             warnings.warn(StabilityWarning(frame, math.ceil(interval / limit), count), stacklevel=5)
+
+
+class Steady:
+    """As many substeps as are given, whatever stability asks for: who has found out saves the look.
+
+    Args:
+        given: Substeps per frame.
+
+    Raises:
+        InputError: fewer substeps than one.
+    """
+
+    def __init__(self, given: int) -> None:
+        """See the class."""
+        self._given = some(given)
+
+    def start(self, state: State, anchors: Anchors | None, longest: float) -> None:
+        """Nothing is to be found."""
+
+    def count(self, interval: float) -> int:
+        """Substeps of any frame."""
+        return self._given
+
+    def accepts(self, before: State, after: State, drive: Drive) -> bool:
+        """Every frame stands."""
+        return True
+
+
+def some(given: int) -> int:
+    """Substeps per frame that may be asked for."""
+    if given < 1:
+        raise InputError(f"substeps is {given}: give at least 1, or leave it out")
+    return given
 
 
 def _square(state: State) -> float:

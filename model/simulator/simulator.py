@@ -18,7 +18,7 @@ from model.simulator.dynamics import Dynamics
 from model.simulator.forces.base import ForceTerm
 from model.simulator.integrators.base import Integrator
 from model.simulator.integrators.semi_implicit_euler import SemiImplicitEuler
-from model.simulator.pace import MARGIN, Pace, substeps_for
+from model.simulator.pace import MARGIN, Pace, Steady, substeps_for
 from model.simulator.parameters import broadcast
 from model.simulator.stability import StabilityWatch
 from model.simulator.system import Anchors, State, System, check_shapes
@@ -149,6 +149,7 @@ class Simulator(nn.Module):
         fps: float = 30.0,
         times: Sequence[float] | Float[np.ndarray, " T"] | None = None,
         substeps: int | None = None,
+        trusted: bool = False,
         checkpoint: bool = False,
         progress: Progress | None = None,
         lead: Lead | None = None,
@@ -163,6 +164,8 @@ class Simulator(nn.Module):
             times: Time of each frame [s], strictly increasing.
             substeps: Per frame interval; None: what the stability bound asks for, with a margin, frame by
                 frame (`Pace`).
+            trusted: Take `substeps` without a look whether they are enough, for who has asked
+                `needed_substeps` before.
             checkpoint: Store one state per frame for the backward pass and compute the rest again there.
             progress: Called after each frame.
             lead: Called after each frame with its number and the state; the next frame starts from what it
@@ -184,7 +187,7 @@ class Simulator(nn.Module):
         now = _remembering(dynamics, now, held)
         path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
         intervals = [float(interval) for interval in np.diff(moments).round(ROUNDED)]
-        pace = Pace(dynamics, path, substeps)
+        pace = Pace(dynamics, path, substeps) if substeps is None or not trusted else Steady(substeps)
         if intervals:
             pace.start(now, held, max(intervals))
         history, counts = [now], list[int]()
@@ -208,7 +211,7 @@ class Simulator(nn.Module):
         self,
         dynamics: Dynamics,
         path: Path,
-        pace: Pace,
+        pace: Pace | Steady,
         before: State,
         motion: Tensor | None,
         frame: int,

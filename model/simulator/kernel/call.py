@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from torch import Tensor
@@ -18,7 +19,10 @@ class Frame(ctypes.Structure):
     """Mirrors `Frame` in engine/frame.cpp, which says what each field is."""
 
     _fields_ = (
-        *((name, _L) for name in ("slices", "controllers", "count", "first", "steps", "ring", "keep")),
+        *(
+            (name, _L)
+            for name in ("slices", "controllers", "count", "first", "steps", "ring", "keep", "worlds")
+        ),
         ("dt", _D),
         ("interval", _D),
         ("pieces", _L),
@@ -67,6 +71,11 @@ class Graphs:
     pieces: Pieces
     incidence: Incidence | None
 
+    @property
+    def shares(self) -> int:
+        """In how many one element is divided among threads."""
+        return len(self.pieces.origin)
+
     @cached_property
     def frame(self) -> Frame:
         """A frame with all of it, to be copied; what its pointers lead to lives as long as this."""
@@ -74,6 +83,7 @@ class Graphs:
         frame.pieces, frame.piece_start = len(pieces.origin), pieces.start.data_ptr()
         frame.reach, frame.origin = pieces.reach.data_ptr(), pieces.origin.data_ptr()
         frame.slices, frame.controllers, frame.points = layout.slices, layout.controllers, len(layout.row)
+        frame.worlds = 1
         for kind, slots in (("spring", layout.springs), ("controller", layout.held)):
             setattr(frame, f"{kind}_start", slots.start.data_ptr())
             setattr(frame, f"{kind}_offset", slots.offset.data_ptr())
@@ -104,8 +114,21 @@ class Buffers:
     """The same for fields that hold one pointer each per constant or variable."""
 
 
+@runtime_checkable
+class Joined(Protocol):
+    """What is joined to what, as frames read it."""
+
+    @property
+    def shares(self) -> int:
+        """In how many one element is divided among threads."""
+
+    @property
+    def frame(self) -> Frame:
+        """A frame with all of it, to be copied."""
+
+
 class Call:
-    """A call of `forward` or `backward` of a kernel that may be made again and again.
+    """A call of `forward`, `backward` or `abreast` of a kernel that may be made again and again.
 
     It keeps all that its pointers lead to, and reads what is there when it is made.
 
@@ -123,7 +146,7 @@ class Call:
         self,
         library: ctypes.CDLL,
         direction: str,
-        graph: Graphs,
+        graph: Joined,
         interval: Interval,
         buffers: Buffers,
         whole: Mapping[str, int],
@@ -131,7 +154,7 @@ class Call:
     ) -> None:
         """See the class."""
         self._run = getattr(library, direction)
-        self._batch, self._most = batch, batch if batch > 1 else len(graph.pieces.origin)
+        self._batch, self._most = batch, batch if batch > 1 else graph.shares
         self._frames = (Frame * batch)()
         self._alive: list[object] = [graph, buffers]
         self._frames[0] = graph.frame

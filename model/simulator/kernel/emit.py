@@ -14,7 +14,17 @@ from model.simulator.kernel.text import Statements
 TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t")}
 """The number a kernel computes with, and the whole number of its size."""
 ENGINE = Path(__file__).with_name("engine")
-BEFORE, AFTER = ("vectors", "rows", "frame", "edges"), ("stencils", "team", "meet", "forward", "backward")
+BEFORE, AFTER = (
+    ("vectors", "rows", "frame", "edges"),
+    (
+        "stencils",
+        "team",
+        "meet",
+        "forward",
+        "backward",
+        "abreast",
+    ),
+)
 """Files of the engine before and after the traced laws."""
 
 
@@ -99,7 +109,7 @@ def _fill(struct: _Struct, group: Group, before: tuple[int, int, int]) -> tuple[
             edges += 1
         else:
             struct.fields += [f"V s{scenes}", f"V gs{scenes}"]
-            struct.made += [f"s{scenes}(splat(f.scene[{scenes}]))", f"gs{scenes}(splat(0))"]
+            struct.made += [f"s{scenes}(scene(f, {scenes}))", f"gs{scenes}(splat(0))"]
             symbols[name] = f"s{scenes}"
             sinks[name] = f"gs{scenes} += {{}};"
             sink = f"f.scene_gradient[{scenes}]"
@@ -140,7 +150,7 @@ def _corners(name: str, corners: Corners, before: tuple[int, int, int]) -> tuple
             more, how, symbols[key(given.term, given.name)], sink = _per_edge(edges)
             edges += 1
         else:
-            more, how = [f"V s{scenes}", f"R *gs{scenes}"], [f"s{scenes}(splat(f.scene[{scenes}]))"]
+            more, how = [f"V s{scenes}", f"R *gs{scenes}"], [f"s{scenes}(scene(f, {scenes}))"]
             how.append(f"gs{scenes}(f.scene_gradient[{scenes}])")
             symbols[key(given.term, given.name)] = f"s{scenes}"
             sink = f"if (gs{scenes}) accumulate(gs{scenes} + W * slot, {{}});"

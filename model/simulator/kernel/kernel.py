@@ -9,6 +9,7 @@ from torch import Tensor
 from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
+from model.simulator.kernel.abreast import Abreast, pays
 from model.simulator.kernel.build import CannotBuild, load
 from model.simulator.kernel.call import Buffers, Interval
 from model.simulator.kernel.emit import TYPES, kernel_source
@@ -71,7 +72,7 @@ class Kernel:
         layout = self._program.layout
         self._meeting = {} if meeting is None else meeting_buffers(terms, layout, *meeting)
         self._timed = dict[float, tuple[dict[str, Tensor], Buffers]]()
-        self._ready: Repeated | None = None
+        self._ready: Repeated | Abreast | None = None
 
     def advance(
         self, state: State, controls: tuple[Tensor, Tensor] | None, interval: Interval, keeps: bool
@@ -100,7 +101,7 @@ class Kernel:
             remembered = [memory.expand(terms.count, -1) for memory in memories]
             ended = FrameFunction.apply(task, *whole, *terms.edges, *terms.scenes, *remembered)  # type: ignore[no-untyped-call]
         else:
-            ended = self._repeated(interval, values)(inputs, memories)
+            ended = self._repeated(interval, given, values)(inputs, memories)
         after = {
             f"{term}.{name}": value.reshape(*terms.batch, -1)
             for (term, name), value in zip(terms.memory, ended[2:], strict=True)
@@ -128,13 +129,20 @@ class Kernel:
         _, values = self._at(1.0)
         return Slopes(self._program, values, State(flat[0], flat[1]), anchors)
 
-    def _repeated(self, interval: Interval, values: Buffers) -> Repeated:
+    def _repeated(
+        self, interval: Interval, given: Mapping[str, Tensor], values: Buffers
+    ) -> Repeated | Abreast:
         """What makes frames of this length; most are as long as the last one was."""
         if self._ready is None or self._ready.interval != interval:
-            like = self._terms.dynamics.mass
-            whole = Buffers({**values.single, **self._meeting}, values.lists)
-            self._ready = Repeated(self._program, interval, whole, self._terms.count, like)
+            self._ready = self._made(interval, given, values)
         return self._ready
+
+    def _made(self, interval: Interval, given: Mapping[str, Tensor], values: Buffers) -> Repeated | Abreast:
+        terms, program = self._terms, self._program
+        if pays(terms.count) and not self._meeting:
+            return Abreast(program.library, terms, interval, given)
+        whole = Buffers({**values.single, **self._meeting}, values.lists)
+        return Repeated(program, interval, whole, terms.count, terms.dynamics.mass)
 
     def _places(self, points: Tensor) -> Tensor:
         """[*b, n, 3] as [B, n, 3], or as [1, n, 3] where the batch shares them."""

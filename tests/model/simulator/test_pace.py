@@ -5,6 +5,7 @@ from contextlib import suppress
 import pytest
 import torch
 
+from model.errors import InputError
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.forces.base import AxialForce
 from model.simulator.forces.controller import ControllerSpring
@@ -107,3 +108,18 @@ def test_too_few_given_are_told_with_the_frame(strap, share):
 def test_enough_given_are_not_told(strap):
     """Warnings are errors here."""
     strap.rollout(controls=OUT, fps=FPS, substeps=3 * strap.needed_substeps(1 / FPS))
+
+
+def test_trusted_ones_are_taken_as_they_are(strap):
+    """Warnings are errors here: too few are not told either."""
+    enough = 3 * strap.needed_substeps(1 / FPS)
+    looked_at, trusted = (
+        strap.rollout(controls=OUT, fps=FPS, substeps=enough, trusted=known) for known in (False, True)
+    )
+    assert torch.equal(looked_at.points, trusted.points)
+    assert trusted.substeps == (enough,) * (len(OUT) - 1)
+    few = round(0.9 * strap.needed_substeps(1 / FPS) / MARGIN)
+    with suppress(SimulationDiverged):
+        strap.rollout(controls=SLOWLY, fps=FPS, substeps=few, trusted=True)
+    with pytest.raises(InputError, match="substeps is 0"):
+        strap.rollout(controls=OUT, fps=FPS, substeps=0, trusted=True)

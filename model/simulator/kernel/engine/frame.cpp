@@ -4,6 +4,7 @@ static const R SHORTEST_SQUARED = R(1e-24), SLOWEST = R(1e-12);
 // Mirrored by `Frame` in call.py. Pointers to a value per slot hold W values per slot row.
 struct Frame {
   int64_t slices, controllers, count, first, steps, ring, keep;  // keep: memory of every substep, not of the last
+  int64_t worlds;                                            // 1, or W of them side by side (abreast.cpp)
   double dt, interval;
   int64_t pieces;
   const int64_t *piece_start;                                // [pieces + 1] slices
@@ -56,6 +57,10 @@ INLINE void take_sums(const Frame &f, int64_t slice, V rows[width]) {
         store(sums + W * k, splat(0));
       }
     }
+}
+
+INLINE V scene(const Frame &f, int64_t index) {
+  return f.worlds == 1 ? splat(f.scene[index]) : load(f.scene + W * index);
 }
 
 INLINE R *state(const Frame &f, int64_t index) {

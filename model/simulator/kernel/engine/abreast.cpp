@@ -1,0 +1,88 @@
+// Eight worlds of one graph abreast: each vector has a number of each of them, so that nothing is gathered or turned.
+//
+// Of a frame, whatever there is one of per edge, stencil, point or scene is a vector here. A state is six of them for
+// each point, then for each controller; `spring_offset` and `controller_offset` are pairs of nodes, `corners` the points
+// of each stencil.
+enum { STATE = 6 * W, PULL = 3 * W };
+
+INLINE void look(const R *rows, int32_t node, V at[8]) {
+  for (int k = 0; k < 6; ++k) at[k] = load(rows + STATE * int64_t(node) + W * k);
+}
+
+INLINE void pull_node(R *pulls, int32_t node, const V force[3], R sign) {
+  for (int k = 0; k < 3; ++k) accumulate(pulls + PULL * int64_t(node) + W * k, sign * force[k]);
+}
+
+// `both`: the second ends are points, too.
+template <bool both, class Law>
+INLINE void pull_abreast(const Law &law, int64_t edges, const int32_t *ends, const R *rows, R *pulls) {
+  for (int64_t slot = 0; slot < edges; ++slot) {
+    const int32_t first = ends[2 * slot], second = ends[2 * slot + 1];
+    V me[8], other[8];
+    look(rows, first, me);
+    look(rows, second, other);
+    const Edge e = edge(between(me, other), law.rest(slot));
+    const V scaled = law.tension(slot, e.length, e.rate) * e.inverse;
+    const V force[3] = {scaled * e.d[0], scaled * e.d[1], scaled * e.d[2]};
+    pull_node(pulls, first, force, 1);
+    if (both) pull_node(pulls, second, force, -1);
+  }
+}
+
+static void bend_abreast(const Frame &f, R *pulls) {
+  each_stencil(f, [&](auto &law, int term) {
+    enum { SIZE = std::remove_reference_t<decltype(law)>::SIZE };
+    for (int64_t slot = 0; slot < f.groups[term]; ++slot) {
+      const int32_t *corners = f.corners[term] + SIZE * slot;
+      V at[SIZE][8], force[SIZE][3];
+      for (int c = 0; c < SIZE; ++c) look(f.rows, corners[c], at[c]);
+      law.forces(slot, at, force);
+      for (int c = 0; c < SIZE; ++c) pull_node(pulls, corners[c], force[c], 1);
+    }
+  });
+}
+
+// What pulls at the points is left at zero for the next substep.
+static void move_abreast(const Frame &f, R *pulls) {
+  const V dt = splat(R(f.dt)), none = splat(0);
+  for (int64_t point = 0; point < f.slices; ++point) {
+    V me[8], out[8];
+    look(f.rows, int32_t(point), me);
+    const V mobility = load(f.inverse_mass + W * point), factor = load(f.factor + W * point);
+    for (int k = 0; k < 3; ++k) {
+      R *pull = pulls + PULL * point + W * k;
+      out[3 + k] = (me[3 + k] + dt * (load(f.gravity + W * k) + load(pull) * mobility)) * factor;
+      store(pull, none);
+    }
+    land(f, point, me, out);
+    for (int k = 0; k < 6; ++k) store(f.rows + STATE * point + W * k, out[k]);
+  }
+}
+
+INLINE void place_abreast(const Frame &f, int64_t substep) {
+  const V share = splat(R(double(substep + 1) / double(f.count))), interval = splat(R(f.interval));
+  for (int64_t c = 0; c < f.controllers; ++c)
+    for (int k = 0; k < 3; ++k) {
+      const V before = load(f.before + PULL * c + W * k), way = load(f.after + PULL * c + W * k) - before;
+      R *row = f.rows + STATE * (f.slices + c) + W * k;
+      store(row, before + way * share);
+      store(row + PULL, way / interval);
+    }
+}
+
+extern "C" void abreast(const Frame *frames, int groups, int threads) {
+  std::atomic<int> taken(0);
+#pragma omp parallel num_threads(threads)
+  for (int g; (g = taken.fetch_add(1)) < groups;) {
+    const Frame &f = frames[g];
+    for (int64_t step = 0; step < f.steps; ++step) {
+      place_abreast(f, f.first + step);
+      const Springs springs(f, step);
+      const Controllers controllers(f, step);
+      if (SPRINGS) pull_abreast<true>(springs, f.spring_rows, f.spring_offset, f.rows, f.sums);
+      if (CONTROLLERS) pull_abreast<false>(controllers, f.controller_rows, f.controller_offset, f.rows, f.sums);
+      if (STENCILS) bend_abreast(f, f.sums);
+      move_abreast(f, f.sums);
+    }
+  }
+}

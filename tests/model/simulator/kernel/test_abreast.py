@@ -1,0 +1,130 @@
+"""Many worlds side by side move as each of them does alone."""
+
+import numpy as np
+import pytest
+import torch
+
+from model.gap.effects.viscoelasticity import MaxwellBranch
+from model.simulator.forces.bending import Bending
+from model.simulator.forces.gravity import Gravity
+from model.simulator.kernel import kernel
+from model.simulator.kernel.abreast import Abreast, pays
+from model.simulator.kernel.call import Interval
+from model.simulator.kernel.kernel import Kernel
+from model.simulator.kernel.program import Repeated
+from model.simulator.kernel.threads import kernel_threads
+from model.simulator.system import State
+
+WORLDS = 11
+"""One group of eight, and one that is not full."""
+EXACT = {torch.float64: 1e-12, torch.float32: 2e-5}
+
+
+def rolled(made, backend, **options):
+    """Without gradients, which many worlds side by side have none of."""
+    with torch.no_grad():
+        simulator = made.simulator.with_backend(backend)
+        return simulator.rollout(made.state(), made.controls, fps=50.0, substeps=40, **options)
+
+
+@pytest.fixture
+def worlds(scene):
+    """Scenes of eleven worlds, each with springs, dashpots and bending of its own."""
+
+    def build(dtype=torch.float64, **options):
+        rng = np.random.default_rng(2)
+        corners = torch.from_numpy(np.stack([rng.permutation(61)[:3] for _ in range(19)]))
+        stiffness = torch.tensor(rng.uniform(1e-6, 1e-5, (WORLDS, 19)), dtype=dtype)
+        return scene(dtype, forces=[Bending(corners, stiffness, 0.05)], batch=(WORLDS,), **options)
+
+    return build
+
+
+@pytest.mark.parametrize("dtype", EXACT)
+def test_they_move_as_the_oracle_says(worlds, apart, dtype):
+    expected, found = (rolled(worlds(dtype), backend) for backend in ("torch", "kernel"))
+    assert float(expected.points[..., 2].min()) < 1e-3, "nothing touched the ground"
+    assert apart(expected.points[:, 0], expected.points[:, 1]) > 1e-4, "all worlds are alike"
+    assert apart(found.points, expected.points) < EXACT[dtype]
+    assert apart(found.velocities, expected.velocities) < 10 * EXACT[dtype]
+
+
+def test_each_has_its_own_gravity_hands_and_start(worlds, apart):
+    made = worlds()
+    generator = torch.Generator().manual_seed(0)
+    gravity = torch.rand((WORLDS, 3), generator=generator, dtype=torch.float64) * 20.0 - 10.0
+    simulator = made.simulator.with_force(Gravity(gravity))
+    shift = 0.01 * torch.rand((WORLDS, 1, 3), generator=generator, dtype=torch.float64)
+    controls = made.controls.detach().unsqueeze(1) + shift
+    start = State(made.leaves["positions"].detach() + shift, made.leaves["velocities"].detach() + shift)
+    runs = []
+    with torch.no_grad():
+        for backend in ("torch", "kernel"):
+            runs.append(simulator.with_backend(backend).rollout(start, controls, fps=50.0, substeps=40))
+    assert apart(runs[1].points, runs[0].points) < 1e-12
+
+
+def test_they_remember_each_for_itself(worlds, apart):
+    made = worlds()
+    rng = np.random.default_rng(4)
+    stiffness = torch.tensor(rng.uniform(10.0, 80.0, (WORLDS, 260)))
+    late = torch.tensor(rng.uniform(0.01, 0.1, (WORLDS, 1)))
+    half = torch.full((260,), 0.5, dtype=torch.float64)
+    branch = MaxwellBranch(stiffness, half, torch.tensor(2.0), late)
+    simulator = made.simulator.with_force(branch)
+    with torch.no_grad():
+        runs = [
+            simulator.with_backend(backend).rollout(made.state(), made.controls, fps=50.0, substeps=40)
+            for backend in ("torch", "kernel")
+        ]
+    assert apart(runs[1].points, runs[0].points) < 1e-12
+    for name, memory in runs[0].end.memory.items():
+        assert apart(runs[1].end.memory[name], memory) < 1e-10, name
+    assert runs[0].end.memory, "nothing is remembered"
+
+
+def test_a_few_are_run_one_after_the_other(worlds, apart, monkeypatch):
+    made = worlds()
+    side_by_side = rolled(made, "kernel")
+    monkeypatch.setattr(kernel, "pays", lambda worlds: False)
+    one_by_one = rolled(made, "kernel")
+    assert not torch.equal(one_by_one.points, side_by_side.points), "the same sums in the same order"
+    assert apart(side_by_side.points, one_by_one.points) < 1e-12
+
+
+@pytest.mark.parametrize(("beside", "kind"), [(True, Abreast), (False, Repeated)])
+def test_what_is_lost_in_one_stays_in_it(worlds, monkeypatch, beside, kind):
+    monkeypatch.setattr(kernel, "pays", lambda worlds: beside)
+    made = worlds()
+    with torch.no_grad():
+        dynamics = made.simulator.dynamics()
+        runner = Kernel(dynamics, made.simulator.integrator, torch.Size([WORLDS]))
+        start = made.state()
+        places = start.positions.expand(WORLDS, -1, -1).clone()
+        speeds = start.velocities.expand(WORLDS, -1, -1).clone()
+        controls = made.controls[0], made.controls[1]
+        interval = Interval(dt=0.0005, count=40, seconds=0.02)
+        sound = runner.advance(State(places, speeds), controls, interval, False)
+        speeds[3, 7] = torch.nan
+        lost = runner.advance(State(places, speeds), controls, interval, False)
+    assert isinstance(runner._ready, kind)
+    others = [world for world in range(WORLDS) if world != 3]
+    assert torch.equal(lost.positions[others], sound.positions[others])
+    assert not torch.isfinite(lost.positions[3]).all()
+
+
+def test_threads_change_nothing(worlds):
+    made = worlds()
+    runs = []
+    for threads in (1, 2, 3):
+        with kernel_threads(threads):
+            runs.append(rolled(made, "kernel").points)
+    assert torch.equal(runs[0], runs[1])
+    assert torch.equal(runs[0], runs[2])
+
+
+@pytest.mark.parametrize(
+    ("worlds", "beside"), [(1, False), (4, False), (5, True), (9, False), (10, True), (17, True)]
+)
+def test_lanes_without_a_world_of_their_own_do_not_pay(worlds, beside):
+    assert pays(worlds) == beside
