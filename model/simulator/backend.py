@@ -99,9 +99,9 @@ class FastPath(Path):
 
     @property
     def look(self) -> int:
-        """Seldom where a law remembers, whose slopes come from torch and cost as much as many substeps."""
+        """Seldom where slopes come from torch and cost as much as many substeps: of a memory on a device."""
         remembers = any(isinstance(term, AxialForce) and term.memory for term, _ in self._dynamics.forces)
-        return 4 if remembers else 1
+        return 4 if remembers and isinstance(self._kernel, CudaKernel) else 1
 
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
         """By the adjoint of one substep."""

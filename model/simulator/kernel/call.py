@@ -23,8 +23,7 @@ class Frame(ctypes.Structure):
             (name, _L)
             for name in ("slices", "controllers", "count", "first", "steps", "ring", "keep", "worlds")
         ),
-        ("dt", _D),
-        ("interval", _D),
+        *((name, _D) for name in ("dt", "lasts", "interval")),
         ("pieces", _L),
         *((name, _P) for name in ("piece_start", "reach", "origin", "spring_start", "controller_start")),
         *((name, _P) for name in ("spring_offset", "controller_offset")),
@@ -61,6 +60,8 @@ class Interval:
     count: int
     seconds: float
     """The whole frame [s]."""
+    lasts: float | None = None
+    """How long a substep is for laws that remember [s]; None: `dt`."""
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,7 @@ class Call:
         self._frames[0] = graph.frame
         first = self._frames[0]
         first.dt, first.count, first.interval = interval.dt, interval.count, interval.seconds
+        first.lasts = interval.dt if interval.lasts is None else interval.lasts
         for name, value in whole.items():
             setattr(first, name, value)
         self._point(buffers)

@@ -99,7 +99,7 @@ def _fill(struct: _Struct, group: Group, before: tuple[int, int, int]) -> tuple[
     edges, scenes, memories = before
     symbols = {"length": "length", "rate": "rate", "dt": "dt", "tension.bar": "tensionbar"}
     sinks = dict[str, str]()
-    struct.fields, struct.made = ["V dt"], ["dt(splat(R(f.dt)))"]
+    struct.fields, struct.made = ["V dt"], ["dt(splat(R(f.lasts)))"]
     for given in group.inputs:
         name = key(given.term, given.name)
         if given.each:

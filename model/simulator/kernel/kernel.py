@@ -89,7 +89,7 @@ class Kernel:
         none = state.positions.new_zeros(1, 0, 3)
         held = (none, none) if controls is None else tuple(self._places(c) for c in controls)
         places = [value.reshape(terms.count, *shape[-2:]) for value in (state.positions, state.velocities)]
-        memories = [terms.flat(state.memory[f"{term}.{name}"]) for term, name in terms.memory]
+        memories = self._remembered(state)
         given, values = self._at(interval.dt)
         inputs = dict(zip(NAMED, (*places, *held), strict=False)) | given
         ended: Sequence[Tensor]
@@ -116,18 +116,18 @@ class Kernel:
             return False
         return self._learned or any(value.requires_grad for value in inputs)
 
-    def slopes(self, state: State, anchors: Anchors | None) -> Slopes | None:
-        """Products with the transposed Jacobian of the accelerations at a state [m, m/s], [*b, N, 3].
-
-        None where a law remembers: what it does then depends on how long a step is.
-        """
-        if self._terms.memory:
-            return None
+    def slopes(self, state: State, anchors: Anchors | None) -> Slopes:
+        """Products with the transposed Jacobian of the accelerations at a state [m, m/s], [*b, N, 3]."""
         flat = [value.reshape(self._terms.count, -1, 3) for value in (state.positions, state.velocities)]
         if anchors is not None:
             anchors = Anchors(self._places(anchors.positions), self._places(anchors.velocities))
         _, values = self._at(1.0)
-        return Slopes(self._program, values, State(flat[0], flat[1]), anchors)
+        memories = self._remembered(state)
+        return Slopes(self._program, values, State(flat[0], flat[1]), anchors, memories)
+
+    def _remembered(self, state: State) -> list[Tensor]:
+        """What laws remember, [1 or B, e] each."""
+        return [self._terms.flat(state.memory[f"{term}.{name}"]) for term, name in self._terms.memory]
 
     def _repeated(
         self, interval: Interval, given: Mapping[str, Tensor], values: Buffers

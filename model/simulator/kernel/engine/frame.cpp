@@ -5,7 +5,7 @@ static const R SHORTEST_SQUARED = R(1e-24), SLOWEST = R(1e-12);
 struct Frame {
   int64_t slices, controllers, count, first, steps, ring, keep;  // keep: memory of every substep, not of the last
   int64_t worlds;                                            // 1, or W of them side by side (abreast.cpp)
-  double dt, interval;
+  double dt, lasts, interval;                                // lasts: dt as laws with memory see it
   int64_t pieces;
   const int64_t *piece_start;                                // [pieces + 1] slices
   const int64_t *reach;                                      // [pieces][2] slices: whose points a piece's springs join
