@@ -22,6 +22,9 @@ from model.simulator.kernel.terms import Inexpressible, Terms
 from model.simulator.parameters import Values
 from model.simulator.system import Anchors, State
 
+LENGTHS = 4
+"""Of frames that are kept ready: times are often rounded, so that two or three take turns."""
+
 
 class Kernel:
     """All terms of a dynamics, compiled, with their constants as the kernel reads them.
@@ -72,7 +75,7 @@ class Kernel:
         layout = self._program.layout
         self._meeting = {} if meeting is None else meeting_buffers(terms, layout, *meeting)
         self._timed = dict[float, tuple[dict[str, Tensor], Buffers]]()
-        self._ready: Repeated | Abreast | None = None
+        self._ready = dict[Interval, Repeated | Abreast]()
 
     def advance(
         self, state: State, controls: tuple[Tensor, Tensor] | None, interval: Interval, keeps: bool
@@ -132,10 +135,12 @@ class Kernel:
     def _repeated(
         self, interval: Interval, given: Mapping[str, Tensor], values: Buffers
     ) -> Repeated | Abreast:
-        """What makes frames of this length; most are as long as the last one was."""
-        if self._ready is None or self._ready.interval != interval:
-            self._ready = self._made(interval, given, values)
-        return self._ready
+        """What makes frames of this length; most are as long as one of the last few was."""
+        if interval not in self._ready:
+            if len(self._ready) == LENGTHS:
+                self._ready.clear()
+            self._ready[interval] = self._made(interval, given, values)
+        return self._ready[interval]
 
     def _made(self, interval: Interval, given: Mapping[str, Tensor], values: Buffers) -> Repeated | Abreast:
         terms, program = self._terms, self._program
