@@ -16,6 +16,7 @@ from jaxtyping import Float32
 
 from model.evaluation.baselines.base import Fitted, Method
 from model.evaluation.baselines.hold_last import HoldLast
+from model.evaluation.fits import Fit, Fits, reason
 from model.evaluation.hidden import answer, seen_until_split, unseen
 from model.evaluation.metrics import chamfer, matched_track_error, mean_over, track_error
 from model.evaluation.pictures import Pictures
@@ -51,7 +52,7 @@ class Task:
     """sha256 of the index of the folder that the case is from."""
 
 
-def judge(task: Task, pictures: Pictures | None = None) -> Record:
+def judge(task: Task, pictures: Pictures | None = None, fits: Fits | None = None) -> Record:
     """Fit a method to what it may see of a case and measure what it predicts.
 
     A method that fails, or predicts something that is not finite, is scored as if nothing moved any more, and
@@ -60,14 +61,14 @@ def judge(task: Task, pictures: Pictures | None = None) -> Record:
     Args:
         task: What to do.
         pictures: Measures pictures too.
+        fits: Of the same clip, by other methods; None: none yet.
     """
     case, shown = task.case, seen_until_split(task.case)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # doubts about thousands of cases help nobody
         known, ignorance = _knew(task)
-        began = time.perf_counter()
-        fitted, failure = (None, ignorance) if ignorance else _fit(task.method, shown)
-        fit_seconds = time.perf_counter() - began
+        made = Fit(None, ignorance, 0.0) if ignorance else (fits or Fits()).of(task.method, shown)
+        fitted, failure = made.fitted, made.failure
         began = time.perf_counter()
         predicted, failed = _predict(fitted, shown, shown, failure)
         predict_seconds = time.perf_counter() - began
@@ -91,7 +92,7 @@ def judge(task: Task, pictures: Pictures | None = None) -> Record:
         interaction=case.interaction,
         priors=task.opinion,
         known_object=known,
-        fit_seconds=fit_seconds,
+        fit_seconds=made.seconds,
         predict_seconds=predict_seconds,
         failed=failed,
         reconstruction=scored(case, predicted, range(1, case.split), pictures),
@@ -125,15 +126,8 @@ def _knew(task: Task) -> tuple[bool, str | None]:
     """Whether the method was trained on the object; or why it cannot say, which is a failure as any other."""
     try:
         return task.source is not None and task.method.knew(task.source, task.case.object_name), None
-    except Exception as error:  # as in `_fit`
-        return False, _reason(error)
-
-
-def _fit(method: Method, shown: Case) -> tuple[Fitted | None, str | None]:
-    try:
-        return method.fit(shown), None
-    except Exception as error:  # one case that breaks must not end the evaluation; the record says so
-        return None, _reason(error)
+    except Exception as error:  # as in `fit`
+        return False, reason(error)
 
 
 def _predict(
@@ -150,13 +144,9 @@ def _predict(
                 return predicted, None
             else:
                 failure = "predicted something that is not finite"
-        except Exception as error:  # as in `_fit`
-            failure = _reason(error)
+        except Exception as error:  # as in `fit`
+            failure = reason(error)
     return HoldLast().fit(shown).predict(asked), failure
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:300]
 
 
 def _parts(fitted: Fitted, shown: Case, own: Case) -> list[PartRecord]:

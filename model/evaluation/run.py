@@ -12,6 +12,7 @@ import numpy as np
 from model.crew import crew
 from model.errors import InputError
 from model.evaluation.baselines.base import Method
+from model.evaluation.fits import Fits, fitter
 from model.evaluation.lpips import Lpips
 from model.evaluation.pictures import Pictures
 from model.evaluation.protocol import Setting, Task, judge
@@ -149,19 +150,34 @@ def _number(name: str) -> int:
 
 
 def _each(jobs: Sequence[_Job], workers: int) -> Iterator[Record]:
+    groups: dict[tuple[Path, str], list[_Job]] = {}
+    for job in jobs:
+        groups.setdefault((job.case, fitter(job.method)), []).append(job)
     if workers == 1:
-        yield from map(_measure, jobs)
+        for group in groups.values():
+            yield from _measured(group)
         return
     with crew(workers) as pool:
-        waiting = [pool.submit(_measure, job) for job in jobs]
+        waiting = [pool.submit(_all_measured, group) for group in groups.values()]
         try:
             for future in as_completed(waiting):
-                yield future.result()
+                yield from future.result()
         finally:
             pool.shutdown(cancel_futures=True)
 
 
-def _measure(job: _Job) -> Record:
+def _all_measured(jobs: Sequence[_Job]) -> list[Record]:
+    return list(_measured(jobs))
+
+
+def _measured(jobs: Sequence[_Job]) -> Iterator[Record]:
+    """Methods that share a fit of one clip."""
+    fits = Fits()
+    for job in jobs:
+        yield _measure(job, fits)
+
+
+def _measure(job: _Job, fits: Fits) -> Record:
     own = load_case(job.case)
     task = Task(
         key=job.key,
@@ -176,7 +192,7 @@ def _measure(job: _Job) -> Record:
     pictures = None
     if job.plan.pictures:
         pictures = Pictures(None if job.plan.lpips is None else Lpips(job.plan.lpips))
-    return judge(task, pictures)
+    return judge(task, pictures, fits)
 
 
 def _told(case: Case, plan: Plan) -> Case:

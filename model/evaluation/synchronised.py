@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float32, Float64
 
 from model.errors import InputError
-from model.evaluation.baselines.base import Method, PartBelief, SpringMass
+from model.evaluation.baselines.base import Fitted, Method, PartBelief, SpringMass
 from model.evaluation.kriging import Kriging
 from model.gap.observer import corrected
 from model.scenes.case import Case
@@ -37,7 +37,14 @@ class Synchronised(Method):
         Raises:
             InputError: what it makes is no spring-mass twin.
         """
-        twin = self.inner.fit(case)
+        return self.led(self.inner.fit(case), case)
+
+    def led(self, twin: Fitted, case: Case) -> "Led":
+        """What the method made of a case, led along it.
+
+        Raises:
+            InputError: it is no spring-mass twin.
+        """
         if not isinstance(twin, SpringMass):
             raise InputError(f"{self.inner.name}: no springs and masses to lead: leave `-synchronised` out")
         return Led(twin, case)
