@@ -1,6 +1,7 @@
 """Figures of an evaluation: errors with intervals and over time, stiffness against the truth, calibration."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 
 import numpy as np
 from jaxtyping import Float64
@@ -46,6 +47,8 @@ NAMES = 2.0
 """Room for the names of methods beside a panel [inch]."""
 PANELS = 4
 """Methods whose stiffness is drawn, at most, in a row."""
+TITLE = 18
+"""Characters in a line of a panel's title: longer ones reached into the next panel."""
 STATED = np.linspace(0.05, 0.95, 19)
 """Probabilities of the intervals whose coverage is drawn."""
 
@@ -86,7 +89,7 @@ def errors(of: Records, settings: Sequence[Setting]) -> Figure:
                 figure_mm = found.scaled(1e3)
                 wide = [[figure_mm.value - figure_mm.low], [figure_mm.high - figure_mm.value]]
                 axes.errorbar(figure_mm.value, row, xerr=wide, fmt="o", color=_colour(of, name), capsize=3)
-        axes.set_title(TITLES[setting], fontsize=SMALL)
+        axes.set_title(fill(TITLES[setting], TITLE), fontsize=SMALL)
         axes.set_xlabel("track error [mm]", fontsize=SMALL)
         axes.set_xlim(left=0.0)
         axes.set_yticks(range(len(of)), list(of), fontsize=SMALL)

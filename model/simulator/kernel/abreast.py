@@ -54,12 +54,8 @@ class Pairs:
     def frame(self) -> Frame:
         """A frame with all of it, to be copied; what its pointers lead to lives as long as this."""
         frame = Frame()
-        frame.slices, frame.controllers, frame.points, frame.worlds = (
-            self.points,
-            self.controllers,
-            self.points,
-            LANES,
-        )
+        frame.worlds, frame.controllers = LANES, self.controllers
+        frame.slices = frame.points = self.points
         frame.spring_rows, frame.controller_rows = len(self.springs), len(self.held)
         frame.spring_offset, frame.controller_offset = self.springs.data_ptr(), self.held.data_ptr()
         counts, places = self._stencils

@@ -14,17 +14,8 @@ from model.simulator.kernel.text import Statements
 TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t")}
 """The number a kernel computes with, and the whole number of its size."""
 ENGINE = Path(__file__).with_name("engine")
-BEFORE, AFTER = (
-    ("vectors", "rows", "frame", "edges"),
-    (
-        "stencils",
-        "team",
-        "meet",
-        "forward",
-        "backward",
-        "abreast",
-    ),
-)
+BEFORE = ("vectors", "rows", "frame", "edges")
+AFTER = ("stencils", "team", "meet", "forward", "backward", "abreast")
 """Files of the engine before and after the traced laws."""
 
 

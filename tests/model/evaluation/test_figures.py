@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,15 @@ def test_errors_show_the_means_in_millimetres(of):
     panels = errors(of, ("reconstruction", "future")).axes
     means = [container.lines[0].get_xdata()[0] for panel in panels for container in panel.containers]
     assert means == pytest.approx([10.0, 20.0, 20.0, 40.0])
+
+
+def test_titles_of_neighbouring_panels_do_not_meet(of):
+    named = {"prior-mean-synchronised": of["theirs"]}
+    figure = errors(named, ("reconstruction", "future", "unseen_interaction"))
+    figure.canvas.draw()
+    boxes = [panel.title.get_window_extent() for panel in figure.axes]
+    gaps = [after.x0 - before.x1 for before, after in pairwise(boxes)]
+    assert min(gaps) > 0.3 * figure.dpi
 
 
 def test_curves_end_where_the_records_end(of):
