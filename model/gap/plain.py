@@ -144,6 +144,11 @@ class PlainTwin:
         return cls(body, observation, matter, rest, controls)
 
     @property
+    def given(self) -> bool:
+        """It came with parameters of its own; else they are a guess."""
+        return self.matter.grip_distance is None
+
+    @property
     def quantities(self) -> dict[str, Quantity]:
         """Its own parameters, with where they may be and where a fit starts."""
         start = self.matter.start

@@ -81,9 +81,28 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
     best = _promising(study, misfit, np.stack(starts))
     misfit.settle()
     there = _stepped(misfit, starts[best])
+    if study.plain.twin.given:
+        there = _as_given(study, misfit, tried, there)
     faint = strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
     left = float((misfit(faint[None])[0] ** 2).mean())
     return there if there.left < left else Begun(faint, left)
+
+
+def _as_given(study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]], there: Begun) -> Begun:
+    """A step from what a given twin came with, where that leaves less: all it lacks may be the effect.
+
+    The plain twin was fitted without it, and may have ended far from parameters that were right.
+    """
+    first = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
+    effects = len(misfit.hypothesis.effects)
+    known = [{**first, **study.start, **values} for values in tried]
+    starts = [strong(misfit, values, each) for each in product(STRENGTHS, repeat=effects) for values in known]
+    misfit.settle()
+    left = (misfit(np.stack(starts)) ** 2).mean(1)
+    if left.min() >= there.left:
+        return there
+    misfit.settle()
+    return _stepped(misfit, starts[int(left.argmin())])
 
 
 def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:

@@ -5,10 +5,12 @@ import pytest
 import torch
 
 from model.bundle import TwinBundle
+from model.gap.bodies.body import body_of
 from model.gap.carried import record_of
 from model.gap.effects import QuadraticAirDrag
 from model.gap.given import bound, given_twin
 from model.gap.hypothesis import Hypothesis
+from model.gap.plain import PlainTwin
 from model.types import Observation, Parameter
 
 
@@ -100,3 +102,8 @@ def test_seen_points_are_bound_where_they_are(twin):
     assert np.abs(places - seen)[:-1].max() < 0.001
     assert np.abs(weight).max() < 1.6
     np.testing.assert_allclose(weight.sum(1), 1.0)
+
+
+def test_it_is_known_for_given(twin, hung):
+    assert given_twin(twin, filmed(twin)).given
+    assert not PlainTwin.of(body_of(hung), hung).given

@@ -8,6 +8,7 @@ import pytest
 from model.gap.effects import ActuationDelay, QuadraticAirDrag
 from model.gap.effects.base import Quantity
 from model.gap.meeting import able_effects
+from model.gap.plain import PlainTwin
 from model.gap.search import FAINT, beginning, searched, values_of
 
 DRAG, DELAY = "quadratic_air_drag.drag_per_mass", "actuation_delay.delay"
@@ -75,3 +76,30 @@ def test_two_effects_begin_each_at_its_own_strength(dragged):
     values = coordinates.values(both.vector)
     assert values[DRAG] == pytest.approx(4.0, rel=0.8)
     assert abs(values[DELAY]) < 0.01
+
+
+def astray(study):
+    """The same, but its plain twin was fitted in a valley where springs are a hundred times too stiff."""
+    values = {**study.base.values, "stiffness": 100.0 * study.base.values["stiffness"]}
+    vector = study.misfit.coordinates.vector(values)
+    base = replace(
+        study.base,
+        values=values,
+        vector=vector,
+        residuals=study.misfit(vector[None])[0],
+        jacobian=study.misfit.jacobian(vector),
+    )
+    return replace(study, start=study.base.values, base=base)
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_what_a_given_twin_came_with_is_begun_from_as_well(dragged, monkeypatch, given):
+    monkeypatch.setattr(PlainTwin, "given", given)
+    study = astray(dragged)
+    found = beginning(study, (QuadraticAirDrag(),), [{DRAG: 1.0}])
+    stiffness = study.misfit.of(replace(study.plain, effects=(QuadraticAirDrag(),))).coordinates.values(
+        found.vector
+    )["stiffness"]
+    near = stiffness == pytest.approx(dragged.base.values["stiffness"], rel=0.5)
+    assert near == given
+    assert (found.left < 0.7 * dragged.base.cost) == given
