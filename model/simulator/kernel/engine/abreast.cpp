@@ -3,7 +3,7 @@
 // Of a frame, whatever there is one of per edge, stencil, point or scene is a vector here. A state is six of them for
 // each point, then for each controller; `spring_offset` and `controller_offset` are pairs of nodes, `corners` the points
 // of each stencil.
-enum { STATE = 6 * W, PULL = 3 * W };
+enum { STATE = 6 * W, PULL = 3 * W, AT_ONCE = SINGLE ? 3 : 2 };
 
 INLINE void look(const R *rows, int32_t node, V at[8]) {
   for (int k = 0; k < 6; ++k) at[k] = load(rows + STATE * int64_t(node) + W * k);
@@ -29,16 +29,29 @@ INLINE void pull_abreast(const Law &law, int64_t edges, const int32_t *ends, con
   }
 }
 
+// Each looks before any pulls, so that laws of several stencils can be under way at once, which was measured to be
+// faster. They pull in the same order as one by one.
+template <int count, class Law>
+INLINE void bend_some(const Law &law, int64_t first, const int32_t *corners, const R *rows, R *pulls) {
+  enum { SIZE = Law::SIZE };
+  V force[count][SIZE][3];
+#pragma GCC unroll 8
+  for (int i = 0; i < count; ++i) {
+    V at[SIZE][8];
+    for (int c = 0; c < SIZE; ++c) look(rows, corners[SIZE * (first + i) + c], at[c]);
+    law.forces(first + i, at, force[i]);
+  }
+#pragma GCC unroll 8
+  for (int i = 0; i < count; ++i)
+    for (int c = 0; c < SIZE; ++c) pull_node(pulls, corners[SIZE * (first + i) + c], force[i][c], 1);
+}
+
 static void bend_abreast(const Frame &f, R *pulls) {
   each_stencil(f, [&](auto &law, int term) {
-    enum { SIZE = std::remove_reference_t<decltype(law)>::SIZE };
-    for (int64_t slot = 0; slot < f.groups[term]; ++slot) {
-      const int32_t *corners = f.corners[term] + SIZE * slot;
-      V at[SIZE][8], force[SIZE][3];
-      for (int c = 0; c < SIZE; ++c) look(f.rows, corners[c], at[c]);
-      law.forces(slot, at, force);
-      for (int c = 0; c < SIZE; ++c) pull_node(pulls, corners[c], force[c], 1);
-    }
+    int64_t slot = 0;
+    for (; slot + AT_ONCE <= f.groups[term]; slot += AT_ONCE)
+      bend_some<AT_ONCE>(law, slot, f.corners[term], f.rows, pulls);
+    for (; slot < f.groups[term]; ++slot) bend_some<1>(law, slot, f.corners[term], f.rows, pulls);
   });
 }
 

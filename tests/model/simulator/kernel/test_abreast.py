@@ -5,7 +5,9 @@ import pytest
 import torch
 
 from model.gap.effects.viscoelasticity import MaxwellBranch
+from model.simulator.contacts.ground import Ground
 from model.simulator.forces.bending import Bending
+from model.simulator.forces.bending_damping import BendingDamping
 from model.simulator.forces.gravity import Gravity
 from model.simulator.kernel import kernel
 from model.simulator.kernel.abreast import Abreast, pays
@@ -47,6 +49,38 @@ def test_they_move_as_the_oracle_says(worlds, apart, dtype):
     assert apart(expected.points[:, 0], expected.points[:, 1]) > 1e-4, "all worlds are alike"
     assert apart(found.points, expected.points) < EXACT[dtype]
     assert apart(found.velocities, expected.velocities) < 10 * EXACT[dtype]
+
+
+@pytest.mark.parametrize("dtype", EXACT)
+@pytest.mark.parametrize("count", [1, 2, 3, 7])
+def test_stencils_of_any_number_bend_and_damp(scene, apart, count, dtype):
+    rng = np.random.default_rng(3)
+    corners = torch.from_numpy(np.stack([rng.permutation(61)[:3] for _ in range(count)]))
+    span = torch.tensor(rng.uniform(0.04, 0.06, (WORLDS, 1)), dtype=dtype)
+    stiffness = torch.tensor(rng.uniform(1e-6, 1e-5, (WORLDS, count)), dtype=dtype)
+    damping = torch.tensor(rng.uniform(1e-6, 1e-5, (WORLDS, count)), dtype=dtype)
+    forces = [Bending(corners, stiffness, span), BendingDamping(corners, damping, span)]
+    bare, made = scene(dtype, batch=(WORLDS,)), scene(dtype, forces=forces, batch=(WORLDS,))
+    expected, found = (rolled(made, backend) for backend in ("torch", "kernel"))
+    assert apart(rolled(bare, "torch").points, expected.points) > 10 * EXACT[dtype], "none does anything"
+    assert apart(found.points, expected.points) < EXACT[dtype]
+    assert apart(found.velocities, expected.velocities) < 10 * EXACT[dtype]
+
+
+def test_each_meets_a_ground_of_its_own(worlds, apart):
+    made = worlds()
+    rng = np.random.default_rng(6)
+    law = {"restitution": (0.0, 0.8), "friction": (0.0, 0.9), "height": (-0.01, 0.005)}
+    ground = Ground(**{name: torch.tensor(rng.uniform(*span, (WORLDS, 1))) for name, span in law.items()})
+    simulator = made.simulator.with_contact(ground)
+    with torch.no_grad():
+        runs = [
+            simulator.with_backend(backend).rollout(made.state(), made.controls, fps=50.0, substeps=40)
+            for backend in ("torch", "kernel")
+        ]
+    lowest = runs[0].points[..., 2].amin((0, 2))
+    assert len(lowest.unique()) == WORLDS, "all grounds are alike"
+    assert apart(runs[1].points, runs[0].points) < 1e-12
 
 
 def test_each_has_its_own_gravity_hands_and_start(worlds, apart):
