@@ -18,8 +18,12 @@ from model.simulator.kernel.call import Buffers, Call, Frame, Interval
 from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.terms import Terms
 
-FULL = 0.6
-"""Share of the lanes that must have a world of their own for it to pay (`benchmarks/simulator/worlds.py`)."""
+FULL, FULLER = 0.55, 0.7
+"""Shares of the lanes that must have a world of their own for it to pay (`benchmarks/simulator/worlds.py`).
+
+The second in graphs of more than `FEW` springs: near caches do not hold what eight worlds know of so many.
+"""
+FEW = 3_000
 AXES, STATE = 3, 6
 
 
@@ -69,9 +73,12 @@ class Pairs:
         return (ctypes.c_int64 * size)(*counts), (ctypes.c_void_p * size)(*places)
 
 
-def pays(worlds: int) -> bool:
-    """Whether so many are faster abreast than one after the other."""
-    return worlds >= FULL * _lanes(worlds).numel()
+def pays(worlds: int, springs: int) -> bool:
+    """Whether so many of so many springs are faster abreast than one after the other.
+
+    On one thread: with more it might be otherwise, but results must not depend on how many there are.
+    """
+    return worlds >= (FULL if springs <= FEW else FULLER) * _lanes(worlds).numel()
 
 
 class Abreast:

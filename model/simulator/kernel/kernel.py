@@ -144,7 +144,8 @@ class Kernel:
 
     def _made(self, interval: Interval, given: Mapping[str, Tensor], values: Buffers) -> Repeated | Abreast:
         terms, program = self._terms, self._program
-        if pays(terms.count) and not self._meeting:
+        springs = terms.dynamics.system.edges.spring_count
+        if pays(terms.count, springs) and not self._meeting:
             return Abreast(program.library, terms, interval, given)
         whole = Buffers({**values.single, **self._meeting}, values.lists)
         return Repeated(program, interval, whole, terms.count, terms.dynamics.mass)

@@ -9,7 +9,7 @@ from model.simulator.contacts.ground import Ground
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.bending_damping import BendingDamping
 from model.simulator.forces.gravity import Gravity
-from model.simulator.kernel import kernel
+from model.simulator.kernel import abreast, kernel
 from model.simulator.kernel.abreast import Abreast, pays
 from model.simulator.kernel.call import Interval
 from model.simulator.kernel.kernel import Kernel
@@ -17,7 +17,7 @@ from model.simulator.kernel.program import Repeated
 from model.simulator.kernel.threads import kernel_threads
 from model.simulator.system import State
 
-WORLDS = 11
+WORLDS, SPRINGS = 11, 260
 """One group of eight, and one that is not full."""
 EXACT = {torch.float64: 1e-12, torch.float32: 2e-5}
 
@@ -120,7 +120,7 @@ def test_they_remember_each_for_itself(worlds, apart):
 def test_a_few_are_run_one_after_the_other(worlds, apart, monkeypatch):
     made = worlds()
     side_by_side = rolled(made, "kernel")
-    monkeypatch.setattr(kernel, "pays", lambda worlds: False)
+    monkeypatch.setattr(kernel, "pays", lambda worlds, springs: False)
     one_by_one = rolled(made, "kernel")
     assert not torch.equal(one_by_one.points, side_by_side.points), "the same sums in the same order"
     assert apart(side_by_side.points, one_by_one.points) < 1e-12
@@ -128,7 +128,7 @@ def test_a_few_are_run_one_after_the_other(worlds, apart, monkeypatch):
 
 @pytest.mark.parametrize(("beside", "kind"), [(True, Abreast), (False, Repeated)])
 def test_what_is_lost_in_one_stays_in_it(worlds, monkeypatch, beside, kind):
-    monkeypatch.setattr(kernel, "pays", lambda worlds: beside)
+    monkeypatch.setattr(kernel, "pays", lambda worlds, springs: beside)
     made = worlds()
     with torch.no_grad():
         dynamics = made.simulator.dynamics()
@@ -170,7 +170,32 @@ def test_threads_change_nothing(worlds):
 
 
 @pytest.mark.parametrize(
-    ("worlds", "beside"), [(1, False), (4, False), (5, True), (9, False), (10, True), (17, True)]
+    ("worlds", "few", "many"),
+    [
+        (1, False, False),
+        (4, False, False),
+        (5, True, False),
+        (6, True, True),
+        (9, True, False),
+        (10, True, False),
+        (12, True, True),
+        (17, True, True),
+    ],
 )
-def test_lanes_without_a_world_of_their_own_do_not_pay(worlds, beside):
-    assert pays(worlds) == beside
+def test_lanes_without_a_world_of_their_own_do_not_pay(worlds, few, many):
+    assert pays(worlds, 700) == few
+    assert pays(worlds, 20_000) == many
+
+
+@pytest.mark.parametrize(("fewest", "kind"), [(SPRINGS, Abreast), (SPRINGS - 1, Repeated)])
+def test_how_many_pay_is_asked_of_the_graph_that_is_run(worlds, monkeypatch, fewest, kind):
+    monkeypatch.setattr(abreast, "FEW", fewest)
+    monkeypatch.setattr(abreast, "FULLER", 2.0)
+    made = worlds()
+    with torch.no_grad():
+        runner = Kernel(made.simulator.dynamics(), made.simulator.integrator, torch.Size([WORLDS]))
+        start = made.state()
+        whole = [value.expand(WORLDS, -1, -1) for value in (start.positions, start.velocities)]
+        interval = Interval(dt=0.0005, count=4, seconds=0.002)
+        runner.advance(State(*whole), (made.controls[0], made.controls[1]), interval, False)
+    assert [type(ready) for ready in runner._ready.values()] == [kind]
