@@ -145,7 +145,7 @@ class PlainTwin:
 
     @property
     def given(self) -> bool:
-        """It came with parameters of its own; else they are a guess."""
+        """It came with parameters and with the hand that holds it; else how it is held is a guess."""
         return self.matter.grip_distance is None
 
     @property
@@ -161,7 +161,7 @@ class PlainTwin:
         }
         if len(self.body.grip):
             own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
-            if self.matter.grip_distance is not None:
+            if not self.given:
                 own["reach"] = Quantity("1", (0.1, 1.2), start["reach"])
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
@@ -201,7 +201,7 @@ class PlainTwin:
         sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype))
         controls = self._controls(values, dtype) if held else None
         world = World(simulator, sight, seen.times, controls, seen.ground_height)
-        if matter.grip_distance is not None:
+        if not self.given:
             bending = slight_bending(body, float(matter.mass.sum() * np.linalg.norm(seen.gravity)))
             world = world if bending is None else world.with_force(bending)
         return carrying(world, self.carried) if self.carried else world
@@ -210,7 +210,7 @@ class PlainTwin:
         """Stiffness of the springs of the hand [N/m]: full where it is, fading with distance."""
         matter = self.matter
         stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
-        if matter.grip_distance is None:
+        if self.given:
             return stiffness
         faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp)
         return faded
@@ -218,7 +218,7 @@ class PlainTwin:
     def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
         """Where the springs of the hand end: beyond what they hold, so that they bear it at first."""
         controls = torch.from_numpy(self.controls).to(dtype)
-        if self.matter.grip_distance is None:
+        if self.given:
             return controls
         load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
         beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load

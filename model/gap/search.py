@@ -73,12 +73,9 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
             its effect says.
     """
     misfit = study.misfit.of(replace(study.plain, effects=effects))
-    first = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
-    known = [{**first, **study.base.values, **values} for values in tried]
-    # from faint to strong, which need finer steps in time: only those are rolled out in them
-    strengths = list(product(STRENGTHS, repeat=len(effects)))
-    starts = [strong(misfit, values, factors) for factors in strengths for values in known]
-    best = _promising(study, misfit, np.stack(starts))
+    known = _known(misfit, study.base.values, tried)
+    starts = _in_all_strengths(misfit, known)
+    best = _promising(study, misfit, starts)
     misfit.settle()
     there = _stepped(misfit, starts[best])
     if study.plain.twin.given:
@@ -93,16 +90,27 @@ def _as_given(study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]]
 
     The plain twin was fitted without it, and may have ended far from parameters that were right.
     """
-    first = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
-    effects = len(misfit.hypothesis.effects)
-    known = [{**first, **study.start, **values} for values in tried]
-    starts = [strong(misfit, values, each) for each in product(STRENGTHS, repeat=effects) for values in known]
+    starts = _in_all_strengths(misfit, _known(misfit, study.start, tried))
     misfit.settle()
-    left = (misfit(np.stack(starts)) ** 2).mean(1)
+    left = (misfit(starts) ** 2).mean(1)
     if left.min() >= there.left:
         return there
     misfit.settle()
     return _stepped(misfit, starts[int(left.argmin())])
+
+
+def _known(
+    misfit: Misfit, own: Mapping[str, float], tried: Sequence[Mapping[str, float]]
+) -> list[dict[str, float]]:
+    """Values of all quantities, those of the twin as its own, for each that is tried."""
+    first = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
+    return [{**first, **own, **values} for values in tried]
+
+
+def _in_all_strengths(misfit: Misfit, known: Sequence[Mapping[str, float]]) -> Float64[Array, "s d"]:
+    """Coordinates of each, from faint to strong, which need finer steps in time: only those get them."""
+    factors = product(STRENGTHS, repeat=len(misfit.hypothesis.effects))
+    return np.stack([strong(misfit, values, each) for each in factors for values in known])
 
 
 def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:

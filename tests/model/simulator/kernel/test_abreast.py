@@ -1,5 +1,7 @@
 """Many worlds side by side move as each of them does alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -72,12 +74,8 @@ def test_each_meets_a_ground_of_its_own(worlds, apart):
     rng = np.random.default_rng(6)
     law = {"restitution": (0.0, 0.8), "friction": (0.0, 0.9), "height": (-0.01, 0.005)}
     ground = Ground(**{name: torch.tensor(rng.uniform(*span, (WORLDS, 1))) for name, span in law.items()})
-    simulator = made.simulator.with_contact(ground)
-    with torch.no_grad():
-        runs = [
-            simulator.with_backend(backend).rollout(made.state(), made.controls, fps=50.0, substeps=40)
-            for backend in ("torch", "kernel")
-        ]
+    made = replace(made, simulator=made.simulator.with_contact(ground))
+    runs = [rolled(made, backend) for backend in ("torch", "kernel")]
     lowest = runs[0].points[..., 2].amin((0, 2))
     assert len(lowest.unique()) == WORLDS, "all grounds are alike"
     assert apart(runs[1].points, runs[0].points) < 1e-12
