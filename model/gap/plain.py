@@ -17,6 +17,7 @@ from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
 from model.gap.slight_bending import slight_bending
 from model.gap.world import Sight, World
+from model.gap.wrinkling import SLACKNESS, wrinkling
 from model.schema import EffectRecord
 from model.simulator.build import build_simulator
 from model.types import Array, Observation
@@ -37,11 +38,14 @@ SAME_HAND = 2.5
 """Grasps: controllers nearer than this belong to one hand."""
 UPRIGHT = {"rope": 4, "sheet": 3, "solid": 5}
 """Points near each controller that a hand holds at least a little: they carry its turns over."""
-CALM = {"rope": 1000.0, "sheet": 200.0, "solid": 0.0}
-"""Of a body of which nothing is known, `bending_decay` [1/s]. Rows of points that are pressed together buckle
-into zigzags, which nothing else resists: without it twins that are equal but for a rounding, 1e-7 m, are
-centimetres apart within a second, however closely an observer leads them; with it they stay as near. Waves of
-a fifth of a rope's length die out at 4 /s, of half of it at 0.1 /s, less than air takes."""
+CALM = {"rope": 1000.0, "sheet": 400.0, "solid": 0.0}
+"""Of a body of which nothing is known, `bending_decay` [1/s]; of a sheet where a fit of it begins.
+
+Rows of points that are pressed together buckle into zigzags, which nothing else resists: without it twins
+that are equal but for a rounding, 1e-7 m, are centimetres apart within a second, however closely an observer
+leads them; with it they stay as near. Waves of a fifth of a rope's length die out at 4 /s, of half of it at
+0.1 /s, less than air takes.
+"""
 MODES = 2
 """Along the two longest axes of the body, stiffness may grow from one end to the other."""
 
@@ -68,7 +72,9 @@ class Matter:
     collision_distance: float = 0.0
     """[m]; 0: the body does not meet itself."""
     bending_decay: float = 0.0
-    """Rate at which zigzags between neighbouring points die out [1/s]."""
+    """Rate at which zigzags between neighbouring points die out [1/s]; of cloth where a fit of it begins."""
+    slackness: float = 0.0
+    """Of cloth, share of the compression that it wrinkles under instead of bearing it; 0: it is none."""
 
     def fading(self, reach: Tensor) -> Float[Tensor, "*b S"]:
         """How firmly a hand that reaches so far [m] holds each point, 0..1: fully where it is."""
@@ -93,6 +99,7 @@ class Matter:
             "grip": 3.0,
             "reach": 0.6,
             "friction": 0.5,
+            "bending": 0.4,
         }
         return cls(
             MASS * body.share,
@@ -103,6 +110,7 @@ class Matter:
             start,
             distance,
             bending_decay=CALM[body.shape],
+            slackness=SLACKNESS if body.shape == "sheet" else 0.0,
         )
 
 
@@ -165,6 +173,10 @@ class PlainTwin:
                 own["reach"] = Quantity("1", (0.1, 1.2), start["reach"])
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
+        if self.matter.slackness:
+            own["bending"] = Quantity("1", (0.03, 3.0), start["bending"], log=True)
+        if self.matter.slackness and self.matter.bending_decay:
+            own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
         for mode in range(0 if self.body.shape == "rope" else MODES):
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
         return own
@@ -193,7 +205,7 @@ class PlainTwin:
             friction=values.get("friction", 0.0),
             restitution=matter.restitution,
             collision_distance=matter.collision_distance,
-            bending_decay=matter.bending_decay,
+            bending_decay=values.get("bending_decay", matter.bending_decay),
             gravity=seen.gravity,
             ground_height=seen.ground_height,
             dtype=dtype,
@@ -202,8 +214,11 @@ class PlainTwin:
         controls = self._controls(values, dtype) if held else None
         world = World(simulator, sight, seen.times, controls, seen.ground_height)
         if not self.given:
-            bending = slight_bending(body, float(matter.mass.sum() * np.linalg.norm(seen.gravity)))
+            weight = float(matter.mass.sum() * np.linalg.norm(seen.gravity))
+            bending = slight_bending(body, weight, values.get("bending", torch.ones(())))
             world = world if bending is None else world.with_force(bending)
+        if matter.slackness:
+            world = world.with_force(wrinkling(world, matter.slackness))
         return carrying(world, self.carried) if self.carried else world
 
     def _grip(self, values: Values) -> Float[Tensor, "*b S"]:

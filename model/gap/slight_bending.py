@@ -1,6 +1,7 @@
 """The little bending stiffness that every cloth and rope has."""
 
 import torch
+from torch import Tensor
 
 from model.gap.bodies.body import Body
 from model.gap.size import size_of
@@ -22,8 +23,14 @@ class SlightBending(Bending):
     name = "slight_bending"
 
 
-def slight_bending(body: Body, weight: float) -> SlightBending | None:
-    """For a body of this weight [N], at ease as it is first seen; None where it has no rows of points."""
+def slight_bending(body: Body, weight: float, share: Tensor | float = 1.0) -> SlightBending | None:
+    """For a body at ease as it is first seen; None where it has no rows of points.
+
+    Args:
+        body: A rope or a sheet.
+        weight: [N].
+        share: Of what is usual [1], a scalar or of shape [*b, 1].
+    """
     if body.shape == "solid":
         return None
     triples = rows(body.points, body.springs)
@@ -33,7 +40,7 @@ def slight_bending(body: Body, weight: float) -> SlightBending | None:
     across = length if body.shape == "rope" else body.spacing
     return SlightBending(
         torch.from_numpy(triples),
-        bending_stiffness=SLIGHT[body.shape] * weight * length * across,
+        bending_stiffness=share * SLIGHT[body.shape] * weight * length * across * torch.ones(len(triples)),
         span=spans(body.points, triples),
         rest_turn=torch.from_numpy(turns(body.points, triples)),
     )

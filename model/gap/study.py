@@ -24,7 +24,15 @@ STEPS = 4
 """Gauss-Newton steps for each horizon; every fit of a diagnosis gets as many."""
 STARTS, FOLLOWED = 35, 2
 """Places that a fit looks at, and those that it begins from."""
-SPREAD = {"stiffness": 4.0, "damping": 2.5, "drag_rate": 2.0, "grip": 2.0, "friction": 1.2}
+SPREAD = {
+    "stiffness": 4.0,
+    "damping": 2.5,
+    "drag_rate": 2.0,
+    "grip": 2.0,
+    "friction": 1.2,
+    "bending": 1.5,
+    "bending_decay": 1.5,
+}
 """How far around the places are, in powers of e."""
 
 

@@ -252,6 +252,7 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         restitution=own.restitution,
         collision_distance=own.collision_distance,
         bending_decay=own.bending_decay,
+        slackness=own.slackness,
     )
     heavier = float(own.mass.sum() / found.matter.mass.sum())
     return replace(

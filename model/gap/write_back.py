@@ -18,11 +18,13 @@ from model.gap.bodies.first import first_places
 from model.gap.carried import CATALOGUE, record_of, values_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.bending_stiffness import BendingStiffness
+from model.gap.effects.tension_only import TensionOnly
 from model.gap.given import MOST, given_twin
 from model.gap.graph import Graph
 from model.gap.plain import PlainTwin
 from model.gap.slight_bending import SlightBending
 from model.gap.world import World
+from model.gap.wrinkling import Wrinkling
 from model.schema import (
     SCHEMA,
     BundleManifest,
@@ -141,9 +143,9 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
         manifest=BundleManifest.model_validate({"schema": SCHEMA}),
         gaussians=_dots(seen[known], colors),
         topology=topology,
-        parameters=_of_the_place(mechanics.parameters, observation, plain),
+        parameters=_of_the_place(mechanics.parameters, observation, plain, diagnosis.fitted or {}),
         controls=None if motion is None else evenly_timed(motion, observation.times, fps),
-        effects=_with_slight_bending(world, diagnosis.effects),
+        effects=_with_wrinkling(world, _with_slight_bending(world, diagnosis.effects)),
     )
     source = SourceRecord(fps=fps, frames=len(observation.times), keyframe=0, scale="the observation's")
     origin = hashlib.sha256(observation.points.tobytes()).hexdigest()
@@ -228,13 +230,17 @@ def _signed(manifest: BundleManifest, origin: str, twin: TwinBundle) -> BundleMa
     )
 
 
-def _of_the_place(parameters: Parameters, observation: Observation, plain: PlainTwin) -> Parameters:
-    """The parameters with all that a bundle has to say: ground, gravity, contact."""
+def _of_the_place(
+    parameters: Parameters, observation: Observation, plain: PlainTwin, fitted: Mapping[str, float]
+) -> Parameters:
+    """The parameters with all that a bundle has to say: ground, gravity, contact, how zigzags die out."""
+    decay = "bending_decay"
+    calm = Parameter(plain.matter.bending_decay, "1/s", "prior")
     own = {
         "friction": Parameter(plain.matter.start["friction"], "1", "prior"),
         "restitution": Parameter(plain.matter.restitution, "1", "prior"),
         "collision_distance": Parameter(plain.matter.collision_distance, "m", "prior"),
-        "bending_decay": Parameter(plain.matter.bending_decay, "1/s", "prior"),
+        decay: Parameter(fitted[decay], "1/s", "fitted") if decay in fitted else calm,
         **parameters.globals,
         "gravity": Parameter(observation.gravity, "m/s^2", "user"),
     }
@@ -256,7 +262,7 @@ def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tup
     found = [effect for effect in effects if effect.name == BendingStiffness.name]
     if not found:
         record = record_of(BendingStiffness, {"bending_stiffness": slight, "memory_of_shape": 1.0})
-        return (EffectRecord.model_validate({**record.model_dump(), "note": NOTE}), *effects)
+        return (_granted(record), *effects)
     if found[0].acts_on is not None:
         return effects
     own = values_of(found[0], BendingStiffness.name)
@@ -264,6 +270,18 @@ def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tup
     memory = (own["bending_stiffness"] * own["memory_of_shape"] + slight) / whole
     record = record_of(BendingStiffness, {"bending_stiffness": whole, "memory_of_shape": memory})
     return tuple(record if effect is found[0] else effect for effect in effects)
+
+
+def _with_wrinkling(world: World, effects: tuple[EffectRecord, ...]) -> tuple[EffectRecord, ...]:
+    """With the slack springs that every plain cloth has, which a bundle has no other place for."""
+    if Wrinkling.name not in world.simulator.forces:
+        return effects
+    slackness = float(world.simulator.force(Wrinkling.name).value("slackness"))
+    return (_granted(record_of(TensionOnly, {"slackness": slackness})), *effects)
+
+
+def _granted(record: EffectRecord) -> EffectRecord:
+    return EffectRecord.model_validate({**record.model_dump(), "note": NOTE})
 
 
 def _dots(places: Float64[Array, "G 3"], colors: UInt8[Array, "G 3"] | None) -> Gaussians:

@@ -35,7 +35,7 @@ def build_simulator(
     friction: TensorLike = 0.0,
     restitution: TensorLike = 0.0,
     collision_distance: float | None = None,
-    bending_decay: float = 0.0,
+    bending_decay: TensorLike = 0.0,
     gravity: TensorLike = (0.0, 0.0, -9.81),
     ground_height: TensorLike | None = None,
     dtype: torch.dtype = torch.float32,
@@ -78,7 +78,7 @@ def build_simulator(
     forces: list[ForceTerm] = [Spring(stiffness), Dashpot(dashpot_damping), Gravity(gravity), Drag(drag_rate)]
     if controller_stiffness is not None and system.controller_count:
         forces.insert(1, ControllerSpring(controller_stiffness))
-    if bending_decay:
+    if isinstance(bending_decay, Tensor) or bending_decay:
         forces.append(_calming(system, bending_decay))
     contacts: list[ContactTerm] = []
     if collision_distance:
@@ -88,7 +88,7 @@ def build_simulator(
     return Simulator(system, forces, contacts)
 
 
-def _calming(system: System, decay: float) -> BendingDamping:
+def _calming(system: System, decay: TensorLike) -> BendingDamping:
     """Of the object as it lies at rest, with its mass spread evenly."""
     mass = system.value("mass").detach()
     whole = float(mass.mean()) * len(system.points)

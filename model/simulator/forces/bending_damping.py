@@ -67,7 +67,7 @@ class BendingDamping(StencilForce):
 
     @classmethod
     def calming(
-        cls, points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"], mass: float, decay: float
+        cls, points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"], mass: float, decay: TensorLike
     ) -> "BendingDamping":
         """For all rows of neighbours in a graph: waves of alternating neighbours die out at this rate.
 
@@ -78,13 +78,14 @@ class BendingDamping(StencilForce):
             points: At rest [m].
             springs: Pairs of points.
             mass: Of all points [kg].
-            decay: [1/s].
+            decay: [1/s], a scalar or of shape [*b, 1].
         """
         triples = rows(points, springs)
         span = spans(points, triples)
         each = mass / len(points) / max(1.0, len(triples) / len(points))
         # of alternating points of mass m at distances h, with one row each, amplitudes fade at 16 D / (m h²)
-        return cls(torch.from_numpy(triples), decay / 16.0 * each * (0.5 * span) ** 2, span)
+        unit = torch.from_numpy(each / 16.0 * (0.5 * span) ** 2)
+        return cls(torch.from_numpy(triples), torch.as_tensor(decay) * unit, span)
 
 
 def _bend(row: tuple[Vector, ...], scale: Scalar) -> Vector:

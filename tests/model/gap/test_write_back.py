@@ -11,7 +11,7 @@ from model.gap.diagnosis import Diagnosis
 from model.gap.effects import BendingStiffness, QuadraticAirDrag, SelfContact, SteadyWind
 from model.gap.given import given_twin
 from model.gap.hypothesis import Hypothesis
-from model.gap.plain import CALM, MASS, PlainTwin
+from model.gap.plain import MASS, PlainTwin
 from model.gap.slight_bending import slight_bending
 from model.gap.write_back import twin_of, with_findings
 from model.simulator.structure import rows, spans
@@ -131,17 +131,16 @@ class TestMade:
 
     def test_moves_as_what_was_diagnosed(self, hung, found, tmp_path):
         plain = PlainTwin.of(body_of(hung), hung)
-        values = starts(plain, drag_rate=1.5)
+        values = starts(plain, drag_rate=1.5, bending=0.2, bending_decay=70.0)
         made = twin_of(hung, Diagnosis(found(hung), (DRAG,), values), plain)
         made.save(tmp_path / "made.twin.zip")
         twin = TwinBundle.load(tmp_path / "made.twin.zip")
         assert twin.effects[-1] == DRAG
-        assert [effect.name for effect in twin.effects[:-1]] == [
-            "bending_stiffness"
-        ]  # slight, as of any cloth
+        # any cloth has both
+        assert [effect.name for effect in twin.effects[:-1]] == ["tension_only", "bending_stiffness"]
         assert twin.manifest.source.fps == pytest.approx(25.0)
         assert twin.parameters.globals["ground_height"].value == 0.5
-        assert twin.parameters.globals["bending_decay"].value == CALM["sheet"]
+        assert twin.parameters.globals["bending_decay"] == Parameter(70.0, "1/s", "fitted")
         bare = replace(twin, effects=twin.effects[:-1])
         np.testing.assert_allclose(bare.rollout(substeps=200).points, predicted(plain, values), atol=2e-5)
         assert np.abs(twin.rollout(substeps=200).points - bare.rollout(substeps=200).points).max() > 1e-5
@@ -151,8 +150,9 @@ class TestMade:
         plain = PlainTwin.of(body_of(hung), hung)
         values = {"bending_stiffness": 3e-6, "memory_of_shape": 0.3}
         made = twin_of(hung, Diagnosis(found(hung), (record_of(BendingStiffness, values),)), plain)
-        (record,) = made.effects
-        slight = float(slight_bending(plain.body, MASS * 9.81).value("bending_stiffness").max())
+        slack, record = made.effects
+        assert slack.name == "tension_only"
+        slight = 0.4 * float(slight_bending(plain.body, MASS * 9.81).value("bending_stiffness").max())
         assert record.parameters["bending_stiffness"]["value"] == pytest.approx(3e-6 + slight)
         assert 0.3 < record.parameters["memory_of_shape"]["value"] < 1.0
         world = Hypothesis(plain, (BendingStiffness(),)).at(
