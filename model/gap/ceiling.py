@@ -6,7 +6,7 @@ from model.gap.confirm import Fitted, fitted
 from model.gap.residual_force import RESIDUAL
 from model.gap.study import Study
 
-STEPS = 2
+STEPS = 3
 """Of Gauss and Newton: the force is linear in its weights, and each step costs some forty slow rollouts."""
 
 

@@ -1,7 +1,7 @@
 """Fit the parameters of a world to what an observer sees: growing horizons, many worlds at once."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,8 @@ FIRST_HORIZON = 5
 """Frames."""
 LOOSE = 3.0
 """Standard deviation of what is believed beforehand, in coordinates."""
+TRIALS = 3
+"""Places tried for a step, shorter while they lead uphill: each costs far less than the slopes do."""
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
 
@@ -187,6 +189,7 @@ def estimate(
         misfit: What is to be small.
         starts: Where to begin; all are looked at, the best is followed.
         steps: Gauss-Newton steps at most for each horizon; each costs one rollout per coordinate, and one.
+            The first only looks at the slopes where the horizon starts.
         shortest: Frames of the first horizon; who starts near the minimum needs no short ones.
     """
     spent = 0
@@ -243,14 +246,28 @@ def _descended(
             vector,
             lambda at, width=width: np.concatenate([misfit.jacobian(at, width), np.eye(len(at)) / LOOSE]),
             bounds=(low, high),
-            max_nfev=max(left, 1),
+            max_nfev=1 + TRIALS * (left - 1),
             xtol=0.05 * width,
             ftol=1e-3,
+            callback=_after(left - 1),
         )
-        vector, left = np.clip(found.x, low + 1e-6, high - 1e-6), left - found.nfev
+        vector, left = np.clip(found.x, low + 1e-6, high - 1e-6), left - found.njev
         if left <= 0:
             break
     return found
+
+
+def _after(steps: int) -> Callable[[OptimizeResult], None]:
+    """Ends a fit that has taken so many steps, however many were tried in vain."""
+    taken = 0
+
+    def ended(intermediate_result: OptimizeResult) -> None:
+        nonlocal taken
+        taken += 1
+        if taken >= steps:
+            raise StopIteration
+
+    return ended
 
 
 def _portions(vectors: Float64[Array, "b d"], size: int) -> list[Float64[Array, "c d"]]:

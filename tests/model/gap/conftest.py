@@ -162,7 +162,7 @@ def pulled(hung):
     """The same sheet held by its left and right edges, which are pulled apart and let back twice."""
     places = hung.points[0].astype(float)
     left, right = (places[np.abs(places[:, 0] - x) < 1e-3] for x in (places[:, 0].min(), places[:, 0].max()))
-    way = 0.04 * np.sin(9 * hung.times)[:, None, None] * np.array([1.0, 0.0, 0.0])
+    way = 0.02 * (1.0 - np.cos(9 * hung.times))[:, None, None] * np.array([1.0, 0.0, 0.0])
     hands = np.concatenate([left[None] - way, right[None] + way], 1)
     return replace(hung, controllers=hands.astype(np.float32))
 

@@ -66,7 +66,7 @@ def test_the_ground_acts_on_what_touches_it(hung, studied, fitted):
 
 
 def test_what_never_meets_itself_acts_on_all_alike(hung, studied, fitted):
-    study = studied(hung)
+    study = studied(hung, softer=1.0)
     found = acting(study, fitted(study, SelfContact(), {}, slopes=False), SelfContact())
     np.testing.assert_array_equal(found.points, 1.0)
 

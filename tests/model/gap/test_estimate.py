@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from model.gap.bodies.body import body_of
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
+from model.gap.effects.base import Quantity
 from model.gap.estimate import Coordinates, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
@@ -74,6 +75,35 @@ def test_finds_what_was_planted(shaken):
     assert found.values["stiffness"] == pytest.approx(truth["stiffness"], rel=0.03)
     assert found.values["drag_rate"] == pytest.approx(truth["drag_rate"], rel=0.05)
     assert found.cost < 1.4 < 0.1 * float((misfit(vector[None]) ** 2).mean())
+
+
+class Overshooting(Misfit):
+    """Residuals whose full Gauss-Newton step leads farther away than where it began."""
+
+    def __init__(self):
+        self.span = Span(0, 4)
+        self.coordinates = Coordinates({"x": Quantity("1", (np.exp(-20.0), np.exp(20.0)), 1.0, log=True)})
+        self.evaluations = self.slopes = 0
+
+    def __call__(self, vectors):
+        self.evaluations += len(vectors)
+        return np.arctan(4.0 * (vectors - 8.0)) * np.ones(50)
+
+    def jacobian(self, vector, width=0.02):
+        self.slopes += 1
+        return 4.0 * np.ones((50, 1)) / (1.0 + 16.0 * (vector - 8.0) ** 2)
+
+    def until(self, last):
+        return self
+
+
+@pytest.mark.parametrize("steps", [1, 2, 3])
+def test_a_step_that_leads_uphill_is_tried_shorter(steps):
+    """It costs one rollout, not the step: as many slopes are asked for as there are steps, and no more."""
+    misfit = Overshooting()
+    found = estimate(misfit, np.array([[10.0]]), steps)
+    assert misfit.slopes == steps
+    assert np.sqrt(found.cost) < [1.45, 1.2, 0.7][steps - 1]
 
 
 def test_coordinates_go_there_and_back():

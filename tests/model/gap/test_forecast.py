@@ -65,7 +65,7 @@ def test_a_lost_run_is_off_by_what_is_lost(sheet, monkeypatch):
 @pytest.mark.filterwarnings("ignore::model.simulator.pace.StabilityWarning")
 def test_what_too_long_steps_lose_is_tried_in_finer_ones(sheet, monkeypatch):
     values = sheet.base.values
-    world = sheet.plain.at({**values, "stiffness": 30.0 * values["stiffness"]})
+    world = sheet.plain.at({**values, "stiffness": 100.0 * values["stiffness"]})
     usual = forecast(sheet.observer, world, sheet.split)
     coarse = sheet.observer.substeps(world) // 3
     with pytest.raises(SimulationDiverged):
