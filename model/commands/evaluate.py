@@ -128,6 +128,7 @@ def evaluate(
         opinion=given["priors"],
         objects=len({record.object_name for record in records}),
         clips=len({record.case for record in records}),
+        weights={name: known for name, method in plan.methods.items() if (known := method.weights())},
     )
     written = write_folder(out, run, made, drawn)
     if docs is not None:

@@ -24,6 +24,8 @@ class Run:
     objects: int
     clips: int
     """That were learned from."""
+    weights: Mapping[str, str]
+    """Digests of what predictors learned beforehand, by method."""
 
 
 def write_folder(
@@ -58,4 +60,7 @@ def _about(run: Run) -> str:
 
 
 def _how(run: Run) -> str:
-    return f"```\n{run.command}\n```\n\nMeans over objects with 95 % intervals (bootstrap over objects).\n"
+    of = ", ".join(f"`{name}` {digest}" for name, digest in run.weights.items())
+    weights = f"Weights (SHA-256): {of}. " if of else ""
+    means = "Means over objects with 95 % intervals (bootstrap over objects)."
+    return f"```\n{run.command}\n```\n\n{weights}{means}\n"

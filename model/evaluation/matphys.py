@@ -55,11 +55,15 @@ class MatPhysMethod(Method):
         return Twin(case.topology, parameters, belief)
 
     def identity(self) -> str:
-        """With the digest of its weights."""
+        """With its weights."""
+        return f"{super().identity()} {self.weights()}"
+
+    def weights(self) -> str:
+        """Digest of its files."""
         digest = hashlib.sha256()
         for file in self._files:
             digest.update(file.read_bytes())
-        return f"{super().identity()} {digest.hexdigest()[:16]}"
+        return digest.hexdigest()[:16]
 
     def knew(self, source: str, object_name: str) -> bool:
         """As its card says: see `Trained.knows`."""

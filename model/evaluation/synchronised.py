@@ -53,6 +53,10 @@ class Synchronised(Method):
         """With that of the method."""
         return f"{super().identity()} of {self.inner.identity()}"
 
+    def weights(self) -> str | None:
+        """The method's."""
+        return self.inner.weights()
+
     def knew(self, source: str, object_name: str) -> bool:
         """As the method did."""
         return self.inner.knew(source, object_name)

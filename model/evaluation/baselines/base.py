@@ -82,6 +82,10 @@ class Method(ABC):
         """What its results depend on beside the case: kept results of another identity are not used."""
         return f"{type(self).__name__} {self.version}"
 
+    def weights(self) -> str | None:
+        """First digits of the SHA-256 of what it learned beforehand; None: nothing."""
+        return None
+
     def knew(self, source: str, object_name: str) -> bool:
         """Whether it was trained on an object beforehand.
 

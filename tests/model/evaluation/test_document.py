@@ -5,7 +5,8 @@ from model.evaluation.figures import figures
 from model.evaluation.tables import markdown, tables
 from model.formats.page import write_section
 
-RUN = Run("Held-out objects", "matphys evaluate x", "2030-01-02", "x", "right", 1, 2)
+WEIGHTS = {"ours": "0123456789abcdef"}
+RUN = Run("Held-out objects", "matphys evaluate x", "2030-01-02", "x", "right", 1, 2, WEIGHTS)
 
 
 @pytest.fixture
@@ -30,7 +31,8 @@ def test_a_section_says_of_what_and_shows_tables_and_figures(content, tmp_path):
     write_section(page, section(RUN, *content))
     text = page.read_text()
     assert "## Held-out objects\n\n1 objects and 2 clips of `x`, priors peaked on the true material; " in text
-    assert "```\nmatphys evaluate x\n```\n\nMeans over objects" in text
+    of = "Weights (SHA-256): `ours` 0123456789abcdef. Means over objects"
+    assert f"```\nmatphys evaluate x\n```\n\n{of}" in text
     for table in content[0]:
         assert markdown(table) in text
     assert (
