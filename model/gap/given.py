@@ -121,6 +121,7 @@ def _matter(graph: Graph, bundle: TwinBundle, guessed: Matter) -> Matter:
         pattern=graph.stiffness / usual,
         length=graph.rest_length,
         start=start,
+        given=True,
         restitution=scalar(bundle.parameters, "restitution", 0.0),
         collision_distance=scalar(bundle.parameters, "collision_distance", 0.0),
         bending_decay=scalar(bundle.parameters, "bending_decay", 0.0),

@@ -69,6 +69,8 @@ class Matter:
     """[m]."""
     start: Mapping[str, float]
     """Where a fit of `PlainTwin.quantities` starts."""
+    given: bool = True
+    """It came with the twin; else nothing is known of the body but its shape."""
     grip_distance: Float64[Array, " S"] | None = None
     """How far each held point is from its hand [m], where it is not known how far that reaches."""
     restitution: float = 0.0
@@ -111,7 +113,8 @@ class Matter:
             np.ones(len(body.grip)),
             np.zeros(len(body.grip)),
             start,
-            distance,
+            given=False,
+            grip_distance=distance,
             bending_decay=CALM[body.shape],
             slackness=SLACKNESS if body.shape == "sheet" else 0.0,
         )
@@ -156,7 +159,12 @@ class PlainTwin:
 
     @property
     def given(self) -> bool:
-        """It came with parameters and with the hand that holds it; else how it is held is a guess."""
+        """It came with parameters; else they are guessed."""
+        return self.matter.given
+
+    @property
+    def hand_known(self) -> bool:
+        """The hand is the one that it came with; else how it is held is a guess."""
         return self.matter.grip_distance is None
 
     @property
@@ -172,7 +180,7 @@ class PlainTwin:
         }
         if len(self.body.grip):
             own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
-            if not self.given:
+            if not self.hand_known:
                 own["reach"] = Quantity("1", (0.1, 1.2), start["reach"])
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
@@ -232,7 +240,7 @@ class PlainTwin:
         """Stiffness of the springs of the hand [N/m]: full where it is, fading with distance."""
         matter = self.matter
         stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
-        if self.given:
+        if self.hand_known:
             return stiffness
         faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp)
         return faded
@@ -240,7 +248,7 @@ class PlainTwin:
     def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
         """Where the springs of the hand end: beyond what they hold, so that they bear it at first."""
         controls = torch.from_numpy(self.controls).to(dtype)
-        if self.given:
+        if self.hand_known:
             return controls
         load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
         beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load

@@ -150,7 +150,7 @@ def _own(
     names = [name for name in RECORDINGS_OWN if name in plain.quantities]
     # what the first recording has no ground or no grip to tell is not known of the object either
     names += [name for name in plain.quantities if name not in study.base.values and name not in names]
-    if plain.twin.given or not names or first < LEAST_FRAMES:
+    if plain.twin.hand_known or not names or first < LEAST_FRAMES:
         return {}
     known = {name: study.base.values[name] for name in plain.quantities if name not in names}
     span = Span(0, first - 1, state)
@@ -229,7 +229,7 @@ def _held_alike(
 ) -> PlainTwin | None:
     """Held by the springs of a given twin's own hand, where the hand is where it was; else None."""
     hand, own = after.controllers[0].astype(np.float64), before.controllers[0].astype(np.float64)
-    if not twin.given or hand.shape != own.shape or not len(twin.body.grip):
+    if not twin.hand_known or hand.shape != own.shape or not len(twin.body.grip):
         return None
     apart = np.linalg.norm(hand[twin.body.grip[:, 0]] - points[twin.body.grip[:, 1]], axis=1)
     first = np.linalg.norm(own[twin.body.grip[:, 0]] - twin.body.points[twin.body.grip[:, 1]], axis=1)
@@ -249,6 +249,7 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         pattern=own.pattern,
         length=own.length,
         start={**found.matter.start, **own.start},
+        given=own.given,
         restitution=own.restitution,
         collision_distance=own.collision_distance,
         bending_decay=own.bending_decay,

@@ -129,6 +129,17 @@ class TestMade:
         colors = np.tile(np.array([[255, 0, 51]], np.uint8), (len(places), 1))
         return Observation(np.arange(6) / 25, points, hand, ground_height=0.5, colors=colors)
 
+    def test_is_what_it_came_as_in_any_hand(self, hung, found):
+        """Held elsewhere, how it is held is a guess and what it is made of is not: it bends as it came."""
+        made = twin_of(hung, Diagnosis(found(hung), ()), PlainTwin.of(body_of(hung), hung))
+        elsewhere = replace(hung, controllers=np.repeat(hung.points[:, -1:], 1, axis=1))
+        for seen in (hung, elsewhere):
+            plain = given_twin(made, seen)
+            world = Hypothesis(plain).at(starts(plain))
+            assert plain.given
+            assert "slight_bending" not in world.simulator.forces
+            assert {"tension_only", "bending"} <= set(world.simulator.forces)
+
     def test_moves_as_what_was_diagnosed(self, hung, found, tmp_path):
         plain = PlainTwin.of(body_of(hung), hung)
         values = starts(plain, drag_rate=1.5, bending=0.2, bending_decay=70.0)
