@@ -22,7 +22,7 @@ LEAST_NOISE = 3e-4
 """Innovations are weighed by no less [m]: twins are not exact to the last digit of a good sensor."""
 STEPS = 4
 """Gauss-Newton steps for each horizon; every fit of a diagnosis gets as many."""
-STARTS, FOLLOWED = 35, 2
+STARTS, FOLLOWED = 35, 5
 """Places that a fit looks at, and those that it begins from."""
 SPREAD = {
     "stiffness": 4.0,
