@@ -129,6 +129,7 @@ def test_tables_of_the_predictor_are_of_the_one_that_ships():
     """Trained again it is another one: chaotic clips alone move the means by millimetres."""
     page = text_of(ROOT / "docs" / "evaluation.md")
     sections = re.findall(r"<!-- evaluation: (.*?) -->(.*?)<!-- end of", page, re.DOTALL)
+    assert sections
     ships = MatPhysMethod().weights()
     assert {
         title: set(re.findall(r"`matphys(?:-open-loop)?` ([0-9a-f]{16})\b", body)) for title, body in sections

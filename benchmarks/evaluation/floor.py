@@ -84,18 +84,21 @@ def main() -> None:
     parser.add_argument("cases", type=Path)
     parser.add_argument("results", type=Path, nargs="+")
     given = parser.parse_args()
-    known = None
-    for path in given.results:
-        records = [record for record in read_records(path) if record.method != "hold-last"]
-        known = known or truths(given.cases, records)
+    results = {
+        path: [record for record in read_records(path) if record.method != "hold-last"]
+        for path in given.results
+    }
+    known = truths(given.cases, [record for records in results.values() for record in records])
+    for path, records in results.items():
         methods = list(dict.fromkeys(record.method for record in records))
         for setting, true in known.items():
             print(f"\n{path}: {setting}\n")
             print("| method | clips | mean track error [mm] | median [mm] | over the truth's |")
             print("|---|---|---|---|---|")
-            print(line("true parameters", true, true))
-            for method in methods:
-                own = errors(records, method).get(setting)
+            mine = {method: errors(records, method).get(setting, {}) for method in methods}
+            asked = {key: true[key] for own in mine.values() for key in own}
+            print(line("true parameters", asked, true))
+            for method, own in mine.items():
                 if own:
                     print(line(method, own, true))
 

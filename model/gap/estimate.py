@@ -169,7 +169,6 @@ class Estimate:
     """Innovations over their noise."""
     jacobian: Float64[Array, "m d"]
     evaluations: int
-    converged: bool
 
     @property
     def cost(self) -> float:
@@ -213,7 +212,6 @@ def estimate(
         found.fun[:count],
         found.jac[:count],
         spent,
-        bool(found.status > 0),
     )
 
 

@@ -69,7 +69,7 @@ class Matter:
     """[m]."""
     start: Mapping[str, float]
     """Where a fit of `PlainTwin.quantities` starts."""
-    given: bool = True
+    given: bool
     """It came with the twin; else nothing is known of the body but its shape."""
     grip_distance: Float64[Array, " S"] | None = None
     """How far each held point is from its hand [m], where it is not known how far that reaches."""
@@ -154,7 +154,7 @@ class PlainTwin:
         if observation.ground_height is not None:
             bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
-        rest = resting(body.points, body.springs, weights, bearing)
+        rest = resting(body.points, body.springs, weights, bearing, presses=not matter.slackness)
         return cls(body, observation, matter, rest, controls)
 
     @property

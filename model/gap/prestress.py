@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.sparse import coo_matrix
+from scipy.optimize import lsq_linear
+from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.linalg import lsqr
 
 from model.types import Array
@@ -13,6 +14,8 @@ RELUCTANCE = 0.02
 """How strongly small tensions are preferred, against an exact balance."""
 FIRMER = 5.0
 """A hand or the ground gives way by so much less than a spring."""
+ROUNDS = 60
+"""At most, for tensions that may not be below zero."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,8 @@ def resting(
     springs: Int64[Array, "E 2"],
     weights: Float64[Array, "P 3"],
     bearing: Float64[Array, " P"],
+    *,
+    presses: bool = True,
 ) -> Rest:
     """The tensions, and the forces of what bears it, with which every point of a body is in balance.
 
@@ -43,6 +48,7 @@ def resting(
         weights: External force on each point [N].
         bearing: How firmly a hand or the ground bears each point, 0..1: of two that are borne, the firmer one
             takes more.
+        presses: Springs bear compression as well; else their tensions are not below zero.
     """
     way = points[springs[:, 1]] - points[springs[:, 0]]
     axis = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
@@ -57,7 +63,22 @@ def resting(
     entries = np.concatenate([entries, np.repeat(firm, 3)])
     shape = 3 * len(points), len(springs) + 3 * len(held)
     balance = coo_matrix((entries, (rows, columns)), shape=shape)
-    found = lsqr(balance.tocsr(), -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
+    if presses:
+        found = lsqr(balance.tocsr(), -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
+    else:
+        found = _pulling(balance.tocsr(), -weights.ravel(), len(springs))
     supports = np.zeros((len(points), 3))
     supports[held] = found[len(springs) :].reshape(-1, 3) * firm[:, None]
     return Rest(found[: len(springs)], supports)
+
+
+def _pulling(balance: csr_matrix, load: Float64[Array, " m"], springs: int) -> Float64[Array, " n"]:
+    """The same with springs, which come first, that only pull."""
+    unit = max(float(np.abs(load).max()), 1e-12)
+    count = balance.shape[1]
+    reluctant = vstack([balance, RELUCTANCE * identity(count)]).tocsr()
+    lowest = np.where(np.arange(count) < springs, 0.0, -np.inf)
+    wanted = np.concatenate([load / unit, np.zeros(count)])
+    found = lsq_linear(reluctant, wanted, (lowest, np.inf), lsq_solver="lsmr", tol=1e-6, max_iter=ROUNDS)
+    solution: Float64[Array, " n"] = found.x * unit
+    return solution

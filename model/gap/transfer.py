@@ -244,16 +244,11 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
     found = PlainTwin.of(replace(twin.body, points=points, grip=grip), observation)
     own = twin.matter
     matter = replace(
-        found.matter,
-        mass=own.mass,
-        pattern=own.pattern,
-        length=own.length,
+        own,
         start={**found.matter.start, **own.start},
-        given=own.given,
-        restitution=own.restitution,
-        collision_distance=own.collision_distance,
-        bending_decay=own.bending_decay,
-        slackness=own.slackness,
+        grip_pattern=found.matter.grip_pattern,
+        grip_length=found.matter.grip_length,
+        grip_distance=found.matter.grip_distance,
     )
     heavier = float(own.mass.sum() / found.matter.mass.sum())
     return replace(

@@ -258,7 +258,8 @@ def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tup
     """
     if SlightBending.name not in world.simulator.forces:
         return effects
-    slight = float(world.simulator.force(SlightBending.name).value("bending_stiffness").max())
+    least = BendingStiffness.quantities["bending_stiffness"].bounds[0]
+    slight = max(least, float(world.simulator.force(SlightBending.name).value("bending_stiffness").max()))
     found = [effect for effect in effects if effect.name == BendingStiffness.name]
     if not found:
         record = record_of(BendingStiffness, {"bending_stiffness": slight, "memory_of_shape": 1.0})

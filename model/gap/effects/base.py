@@ -101,6 +101,16 @@ def spring_stiffness(world: World) -> Float[Tensor, "*b E"]:
     return _each(spring.value("stiffness"), len(world.system.springs))
 
 
+def slackness_of(world: World) -> Float[Tensor, "*b E"]:
+    """Share of its compression that each spring does not bear [1]: 0, but for cloth, which wrinkles."""
+    count = len(world.system.springs)
+    for name in ("wrinkling", "tension_only"):
+        if name in world.simulator.forces:
+            slack = world.simulator.force(name)
+            return _each(slack.value("share") * slack.value("slackness"), count)
+    return torch.zeros(count, dtype=torch.float64)
+
+
 def mass_of(world: World) -> Float[Tensor, "*b P"]:
     """Mass of every point [kg], on the graph of what it depends on."""
     return _each(world.system.value("mass"), len(world.system.points))

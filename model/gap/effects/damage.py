@@ -13,6 +13,7 @@ from model.gap.effects.base import (
     Values,
     no_springs,
     on_springs,
+    slackness_of,
     spring_stiffness,
 )
 from model.gap.world import World
@@ -23,13 +24,15 @@ from model.simulator.parameters import Constant, TensorLike
 class DamagedSpring(AxialForce):
     r"""What a damaged spring lacks.
 
-    $f = -k\,(|d| - L)\,\alpha\,m/(m + s)$, with m the largest strain that the spring has seen.
+    $f = -k\,(|d| - L)\,\alpha\,m/(m + s)$, with m the largest strain that the spring has seen; of compression
+    no more than $1 - \beta$ of it is lost, which is all that a slack spring bears.
 
     Args:
         stiffness: k [N/m] of the linear spring, shape [spring_count].
         share: How strongly it acts on each spring [1], shape [spring_count].
         softening: $\alpha$ [1]: the share of the stiffness that can be lost.
         damage_strain: s [1], at which half of that is lost.
+        slackness: $\beta$ [1], shape [spring_count].
 
     Reference:
         Mullins (1969), Softening of rubber by deformation, Rubber chemistry and technology 42 (the stress
@@ -43,14 +46,26 @@ class DamagedSpring(AxialForce):
         "share": Constant("1", "springs", (0.0, 1.0)),
         "softening": Constant("1", "scene", (0.0, 0.9)),
         "damage_strain": Constant("1", "scene", (0.02, 0.3)),
+        "slackness": Constant("1", "springs", (0.0, 1.0)),
     }
     memory: ClassVar[Mapping[str, float]] = {"largest_strain": 0.0}
 
     def __init__(
-        self, stiffness: TensorLike, share: TensorLike, softening: TensorLike, damage_strain: TensorLike
+        self,
+        stiffness: TensorLike,
+        share: TensorLike,
+        softening: TensorLike,
+        damage_strain: TensorLike,
+        slackness: TensorLike,
     ) -> None:
         """See the class."""
-        super().__init__(stiffness=stiffness, share=share, softening=softening, damage_strain=damage_strain)
+        super().__init__(
+            stiffness=stiffness,
+            share=share,
+            softening=softening,
+            damage_strain=damage_strain,
+            slackness=slackness,
+        )
 
     @staticmethod
     def law(
@@ -60,12 +75,15 @@ class DamagedSpring(AxialForce):
         share: Scalar,
         softening: Scalar,
         damage_strain: Scalar,
+        slackness: Scalar,
         largest_strain: Scalar,
     ) -> tuple[Scalar, Scalar]:
         """What the tension loses [N], and the largest strain so far."""
         largest = torch.maximum(largest_strain, length / rest_length - 1.0)
         lost = share * softening * largest / (largest + damage_strain)
-        return -stiffness * lost * (length - rest_length), largest
+        stretch = length - rest_length
+        borne = torch.relu(stretch) + (1.0 - slackness) * torch.clamp(stretch, max=0.0)
+        return -stiffness * lost * borne, largest
 
 
 class Damage(Effect):
@@ -94,4 +112,6 @@ class Damage(Effect):
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Take away what damage takes."""
         share = on_springs(world, where)
-        return world.with_force(DamagedSpring(spring_stiffness(world), share, **values))
+        return world.with_force(
+            DamagedSpring(spring_stiffness(world), share, **values, slackness=slackness_of(world))
+        )

@@ -13,6 +13,7 @@ from model.gap.effects.base import (
     Values,
     no_springs,
     on_springs,
+    slackness_of,
     spring_stiffness,
 )
 from model.gap.world import World
@@ -23,13 +24,15 @@ from model.simulator.parameters import Constant, TensorLike
 class PlasticSpring(AxialForce):
     r"""A rest length that flows, by a strain p.
 
-    $f = -k\,L\,p$ with $\dot p = r\,\mathrm{sgn}(e)\max(0, |e| - \varepsilon_y)$, $e = |d|/L - 1 - p$.
+    $f = -k\,L\,p$ with $\dot p = r\,\mathrm{sgn}(e)\max(0, |e| - \varepsilon_y)$, $e = |d|/L - 1 - p$. Of
+    an e below zero a spring that goes slack bears, and feels, $1 - \beta$.
 
     Args:
         stiffness: k [N/m] of the linear spring, shape [spring_count].
         share: How strongly it acts on each spring [1], shape [spring_count].
         flow_rate: r [1/s]; the faster, the nearer to perfect plasticity.
         yield_strain: $\varepsilon_y$ [1].
+        slackness: $\beta$ [1], shape [spring_count].
 
     Reference:
         Perzyna (1966), Fundamental problems in viscoplasticity, Advances in applied mechanics 9 (overstress
@@ -43,14 +46,26 @@ class PlasticSpring(AxialForce):
         "share": Constant("1", "springs", (0.0, 1.0)),
         "flow_rate": Constant("1/s", "scene", (0.0, 100.0)),
         "yield_strain": Constant("1", "scene", (0.01, 0.05)),
+        "slackness": Constant("1", "springs", (0.0, 1.0)),
     }
     memory: ClassVar[Mapping[str, float]] = {"plastic_strain": 0.0}
 
     def __init__(
-        self, stiffness: TensorLike, share: TensorLike, flow_rate: TensorLike, yield_strain: TensorLike
+        self,
+        stiffness: TensorLike,
+        share: TensorLike,
+        flow_rate: TensorLike,
+        yield_strain: TensorLike,
+        slackness: TensorLike,
     ) -> None:
         """See the class."""
-        super().__init__(stiffness=stiffness, share=share, flow_rate=flow_rate, yield_strain=yield_strain)
+        super().__init__(
+            stiffness=stiffness,
+            share=share,
+            flow_rate=flow_rate,
+            yield_strain=yield_strain,
+            slackness=slackness,
+        )
 
     @staticmethod
     def law(
@@ -60,14 +75,21 @@ class PlasticSpring(AxialForce):
         share: Scalar,
         flow_rate: Scalar,
         yield_strain: Scalar,
+        slackness: Scalar,
         plastic_strain: Scalar,
         dt: Scalar,
     ) -> tuple[Scalar, Scalar]:
         """What the tension loses [N], and the plastic strain after `dt`."""
-        elastic = length / rest_length - 1.0 - plastic_strain
+        strain = length / rest_length - 1.0
+        elastic = _felt(strain - plastic_strain, slackness)
         over = torch.relu(elastic - yield_strain) - torch.relu(-elastic - yield_strain)
         flowed = (1.0 - torch.exp(-flow_rate * dt)) * share * over
-        return -stiffness * rest_length * plastic_strain, plastic_strain + flowed
+        lost = _felt(strain, slackness) - elastic
+        return -stiffness * rest_length * lost, plastic_strain + flowed
+
+
+def _felt(strain: Scalar, slackness: Scalar) -> Scalar:
+    return torch.relu(strain) + (1.0 - slackness) * torch.clamp(strain, max=0.0)
 
 
 class Plasticity(Effect):
@@ -96,4 +118,6 @@ class Plasticity(Effect):
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Let the rest lengths flow."""
         share = on_springs(world, where)
-        return world.with_force(PlasticSpring(spring_stiffness(world), share, **values))
+        return world.with_force(
+            PlasticSpring(spring_stiffness(world), share, **values, slackness=slackness_of(world))
+        )

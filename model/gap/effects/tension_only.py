@@ -78,8 +78,8 @@ class TensionOnly(Effect):
 
     def unable(self, world: World) -> str | None:
         """Why it cannot act."""
-        if "wrinkling" in world.simulator.forces:
-            return "its springs go slack already, as those of any cloth"
+        if {"wrinkling", self.name} & set(world.simulator.forces):
+            return "its springs go slack already"
         return no_springs(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:

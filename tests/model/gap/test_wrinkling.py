@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from model.gap.bodies.body import body_of
+from model.gap.effects import Damage, Plasticity
 from model.gap.effects.tension_only import TensionOnly
 from model.gap.hypothesis import Hypothesis
 from model.gap.plain import PlainTwin
@@ -65,6 +66,51 @@ def test_slack_springs_are_nothing_that_cloth_may_lack(hung):
     assert "already" in TensionOnly().unable(plain.at(starts(plain)))
     bare = replace(plain, twin=replace(plain.twin, matter=replace(plain.twin.matter, slackness=0.0)))
     assert TensionOnly().unable(bare.at(starts(bare))) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        (Damage(), {"softening": 0.9, "damage_strain": 0.01}),
+        (Plasticity(), {"flow_rate": 100.0, "yield_strain": 0.005}),
+    ],
+)
+def test_what_a_cloth_has_lost_it_does_not_lose_twice(hung, effect, values):
+    """Springs that were stretched and are pressed push back, and by no more than slack ones do."""
+    plain = plain_of(hung)
+    world = plain.at(starts(plain))
+    worse = effect.apply(world, {name: torch.tensor(value) for name, value in values.items()})
+    law, slack = worse.simulator.force(effect.name), worse.simulator.force("wrinkling")
+    constants = {name: law.value(name) for name in law.constants}
+    stiffness, rest = constants["stiffness"], torch.ones_like(constants["stiffness"])
+    memory = torch.zeros_like(rest)
+    extra = {} if effect.name == "damage" else {"dt": torch.tensor(0.1)}
+
+    def tension(length):
+        lost, kept = law.law(length * rest, rest, **constants, **{next(iter(law.memory)): memory}, **extra)
+        own = {name: slack.value(name) for name in slack.constants}
+        return stiffness * (length - 1.0) * rest + slack.law(length * rest, rest, **own) + lost, kept
+
+    for length in (1.0, 1.05, 1.1, 1.1, 1.1):
+        _, memory = tension(length)
+    nearer, farther = (tension(length)[0] / stiffness for length in (0.95, 0.85))
+    assert (nearer <= 1e-9).all()
+    assert (farther <= nearer + 1e-9).all()
+    assert (farther >= -(1.0 - SLACKNESS) * 0.3).all()
+
+
+def test_what_hangs_hangs_from_springs_that_pull(hung):
+    """Cloth is at rest in the first frame, though its springs bear hardly any compression."""
+    twin = plain_of(hung).twin
+    assert (twin.rest.tensions >= 0.0).all()
+    pull = np.zeros_like(twin.body.points)
+    way = np.diff(twin.body.points[twin.body.springs], axis=1)[:, 0]
+    pulls = twin.rest.tensions[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
+    np.add.at(pull, twin.body.springs[:, 0], pulls)
+    np.add.at(pull, twin.body.springs[:, 1], -pulls)
+    weight = twin.matter.mass[:, None] * np.asarray(hung.gravity)
+    left = np.linalg.norm(pull + twin.rest.supports + weight, axis=1)
+    assert left.mean() < 0.1 * np.linalg.norm(weight, axis=1).mean()
 
 
 def test_how_it_bends_and_comes_to_rest_is_free(hung):
