@@ -52,7 +52,7 @@ def test_two_effects_are_what_was_fitted_and_the_first_says_whose_they_are(hung,
     silent = {"strain_stiffening.stiffening": 0.0, "actuation_delay.delay": 0.0}
     vector = misfit.coordinates.vector({**usual, **study.base.values, **silent})
     left = Estimate(
-        misfit.coordinates.values(vector), vector, misfit(vector[None])[0], misfit.jacobian(vector), 0, True
+        misfit.coordinates.values(vector), vector, misfit(vector[None])[0], misfit.jacobian(vector), 0
     )
     found = sources(GAP, study, left, both)
     assert found.physics == pytest.approx((100 - 36) / 400)
