@@ -143,7 +143,8 @@ class Found:
                 )
         missing = [name for name in EFFECT_NAMES if name not in self.signs.names]
         if missing:
-            said.append(f"could not act in this recording, so nothing is known of: {', '.join(missing)}")
+            names = ", ".join(missing)
+            said.append(f"could not act on this twin in this recording, so nothing is known of: {names}")
         return tuple(said)
 
     def findings(self) -> Findings:

@@ -15,8 +15,8 @@ from model.schema import EffectName
 
 WEIGHTS = "weighing.json"
 BUCKLES, SLACK = ("rope", "sheet"), "tension_only"
-"""What is thin folds between the points of its twin, which cannot and is too stiff against being pressed
-together: slack springs explain that, healthy or not."""
+"""What is thin folds between the points of its twin. One that cannot, a rope's or one that was given, is too
+stiff against being pressed together: slack springs explain that, healthy or not."""
 ASTRAY, ASTRAY_STEP, MOST_ASTRAY = 0.04, 0.01, (-4.0, 8.0)
 """Share of the object's size from which it counts that free runs are off, in which steps, within limits."""
 
