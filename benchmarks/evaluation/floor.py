@@ -5,10 +5,10 @@
 
 Of every clip in RESULTS the twin with the true parameters is rolled out as well: what is left of its error
 is the lattice's, which parameters make up for in one clip at most. Means of track errors are as in the
-tables. They hang on a few clips that go another way at the least difference; so the median over clips, and the geometric mean of
-the ratio to the error of the true parameters in the same clip, stand beside them. Intervals are over
-objects. The frames of `future` follow from a rollout of the whole clip, or from a state that was led
-(`-synchronised`); so does the truth.
+tables. They hang on a few clips that go another way at the least difference; so the median over clips, and
+the geometric mean of the ratio to the error of the true parameters in the same clip, stand beside them.
+Intervals are over objects. The frames of `future` follow from a rollout of the whole clip, or from a state
+that was led (`-synchronised`); so does the truth.
 """
 
 import argparse
