@@ -22,8 +22,10 @@ LEAST_NOISE = 3e-4
 """Innovations are weighed by no less [m]: twins are not exact to the last digit of a good sensor."""
 STEPS = 4
 """Gauss-Newton steps for each horizon; every fit of a diagnosis gets as many."""
-STARTS, FOLLOWED = 35, 5
-"""Places that a fit looks at, and those that it begins from."""
+STARTS = 35
+"""Places that a fit looks at."""
+FOLLOWED = {"rope": 5, "sheet": 2, "solid": 2}
+"""Of them, those that it begins from. Fits of ropes end a fifth apart, others are seldom worth their time."""
 SPREAD = {
     "stiffness": 4.0,
     "damping": 2.5,
@@ -112,8 +114,9 @@ def best_fit(misfit: Misfit, start: dict[str, float]) -> Estimate:
     tried = starts_of(misfit, start)
     left = (misfit(tried) ** 2).mean(1)
     misfit.settle()
+    shape = misfit.hypothesis.twin.body.shape
     quarter = max(FIRST_HORIZON, (misfit.span.last - misfit.span.first) // 4)
-    followed = [tried[i] for i in np.argsort(left, kind="stable")[:FOLLOWED]]
+    followed = [tried[i] for i in np.argsort(left, kind="stable")[: FOLLOWED[shape]]]
     found = [estimate(misfit, one[None], STEPS, quarter) for one in followed]
     return min(found, key=lambda one: one.cost)
 

@@ -10,10 +10,10 @@ from model.gap.effects import QuadraticAirDrag, SteadyWind
 @pytest.mark.slow
 def test_it_explains_what_it_has_no_name_for(hung, studied):
     wind = {"wind.drag_per_mass": 1.0, "wind.x": 2.0, "wind.y": 2.0}
-    study = studied(hung, (SteadyWind(),), wind, softer=1.0)
+    study = studied(hung, (SteadyWind(),), wind, softer=3.0)
     plain = refit(study)
     found = ceiling(study, plain)
-    assert found.estimate.cost < 0.2 * plain.estimate.cost
+    assert found.estimate.cost < 0.6 * plain.estimate.cost
     assert found.foretold.error < 0.5 * plain.foretold.error
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model.gap.estimate import FIRST_HORIZON, Span, estimate
-from model.gap.study import SPREAD, STARTS, STEPS, best_fit, starts_of, study
+from model.gap.study import FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
 # a fit takes the substeps of its first worlds for all; `diagnose` is silent about it as well
 pytestmark = pytest.mark.filterwarnings("ignore::model.simulator.pace.StabilityWarning")
@@ -91,9 +91,9 @@ def test_the_fit_is_at_least_as_good_as_from_the_start_alone(found):
 def test_one_start_more_cannot_harm(found, monkeypatch):
     """The better of two is taken: with one that is followed the fit is no better."""
     monkeypatch.setattr("model.gap.study.STARTS", 5)
-    monkeypatch.setattr("model.gap.study.FOLLOWED", 1)
+    monkeypatch.setitem(FOLLOWED, found.plain.twin.body.shape, 1)
     one = best_fit(found.misfit.of(found.plain).until(6), found.start)
-    monkeypatch.setattr("model.gap.study.FOLLOWED", 2)
+    monkeypatch.setitem(FOLLOWED, found.plain.twin.body.shape, 2)
     two = best_fit(found.misfit.of(found.plain).until(6), found.start)
     assert two.cost <= one.cost
     assert found.misfit.span == Span(0, found.split - 1)
