@@ -12,6 +12,7 @@ from torch import Tensor
 
 from model.gap.bodies.body import Body
 from model.gap.bodies.grip import held_distance, held_places
+from model.gap.bodies.hand import steadied
 from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
@@ -130,7 +131,8 @@ class PlainTwin:
     rest: Rest
     """With which the first frame is at rest."""
     controls: Float64[Array, "T H 3"]
-    """Where the other ends of the springs of the grip are [m]: controllers, or places of what they hold."""
+    """Where the other ends of the springs of the grip are [m]: controllers without the noise of their
+    measurement, or places of what they hold."""
     carried: tuple[EffectRecord, ...] = ()
     """Effects that a given twin has already."""
 
@@ -141,7 +143,7 @@ class PlainTwin:
         A guessed body has no springs to the controllers: each point within reach of one is held where the
         hand carries it, so that the grip does not depend on where a lattice happens to have points.
         """
-        controls: Float64[Array, "T H 3"] = observation.controllers.astype(np.float64)
+        controls: Float64[Array, "T H 3"] = steadied(observation.controllers, observation.times)
         if matter is None:
             held = _reachable(body, observation)
             if len(held):

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
 from model.gap.bodies.body import Body, between, grip_of
+from model.gap.bodies.hand import steadied
 from model.gap.bodies.rest import rest_places
 from model.gap.confirm import Fitted
 from model.gap.estimate import Estimate, Misfit, Span, estimate
@@ -235,7 +236,7 @@ def _held_alike(
     first = np.linalg.norm(own[twin.body.grip[:, 0]] - twin.body.points[twin.body.grip[:, 1]], axis=1)
     if np.abs(apart - first).max() > SAME_HAND * twin.body.grasp:
         return None
-    return replace(twin, observation=after, controls=after.controllers.astype(np.float64))
+    return replace(twin, observation=after, controls=steadied(after.controllers, after.times))
 
 
 def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array, "P 3"]) -> PlainTwin:
