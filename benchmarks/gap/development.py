@@ -14,8 +14,8 @@ from model.gap.benchmark.labels import PLAIN, Label, open_labels
 HEALTHY = "null"
 
 
-def healthy_worlds(description: str | None, arguments: list[str] | None) -> tuple[Path, list[Label]]:
-    """The folder that a command was given, and the labels of its healthy worlds; warnings are off afterwards.
+def healthy_worlds(description: str | None, arguments: list[str] | None) -> list[tuple[Path, Label]]:
+    """Healthy worlds of the folders that a command is given, each with its folder; warnings are off then.
 
     A folder whose labels are sealed ends the command: its worlds are for one look alone.
 
@@ -26,12 +26,12 @@ def healthy_worlds(description: str | None, arguments: list[str] | None) -> tupl
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("worlds", type=Path)
-    folder: Path = parser.parse_args(arguments).worlds
-    labels = open_labels_of(folder, parser, "it asks of")
+    parser.add_argument("worlds", type=Path, nargs="+")
+    folders: list[Path] = parser.parse_args(arguments).worlds
+    labels = [(folder, label) for folder in folders for label in open_labels_of(folder, parser, "it asks of")]
     warnings.simplefilter("ignore")
     torch.set_num_threads(1)
-    return folder, [label for label in labels if label["category"] == HEALTHY]
+    return [(folder, label) for folder, label in labels if label["category"] == HEALTHY]
 
 
 def open_labels_of(folder: Path, parser: argparse.ArgumentParser, what: str) -> list[Label]:

@@ -1,10 +1,13 @@
 """How near a plain twin comes to worlds in which nothing is missing: what effects have to stand out from.
 
     python -m benchmarks.reality.generate --split dev --count 60 --seed 0 --out out/worlds/dev
-    python -m benchmarks.gap.healthy out/worlds/dev
+    python -m benchmarks.reality.generate --split dev --count 36 --seed 4 --only null --out out/worlds/null
+    python -m benchmarks.gap.healthy out/worlds/dev out/worlds/null
 
 Of development worlds with plain labels: the noise that was put in, what the fitted twin's observer is
-surprised by one frame ahead, and how far its free runs of 0.7 s are off in frames that no fit has seen.
+surprised by one frame ahead, its square over the noise's as it is told (what is left), and how far free runs
+of 0.7 s are off in frames that no fit has seen. The last lines have mean and standard deviation of the
+logarithm of what is left, by which a verdict knows what is usual (`model/gap/weighing.py`).
 """
 
 import math
@@ -33,13 +36,15 @@ class Row:
     """Mean distance from the first frame."""
     surprise: float
     """Root mean square of a coordinate's innovations."""
+    left: float
+    """Mean square of these over the noise's, as it is told from the recording."""
     free: float
     """Mean distance of free runs."""
 
     @property
-    def lengths(self) -> tuple[float, float, float, float]:
+    def numbers(self) -> tuple[float, float, float, float, float]:
         """In the order of the table."""
-        return self.noise, self.moved, self.surprise, self.free
+        return self.noise, self.moved, self.surprise, self.left, self.free
 
 
 def measured(folder: Path, label: Label) -> Row:
@@ -57,26 +62,31 @@ def measured(folder: Path, label: Label) -> Row:
         1e3 * label["noise_m"],
         1e3 * moved,
         1e3 * surprise,
+        fitted.base.cost,
         1e3 * foretold.error,
     )
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Print a table."""
-    folder, labels = healthy_worlds(__doc__, arguments)
     rows = []
-    print("| world | object | interaction | noise mm | moved mm | surprise mm | free run mm |")
-    print("|---" * 7 + "|")
-    for label in labels:
+    worlds = healthy_worlds(__doc__, arguments)
+    print("| world | object | interaction | noise mm | moved mm | surprise mm | left | free run mm |")
+    print("|---" * 8 + "|")
+    for folder, label in worlds:
         row = measured(folder, label)
         rows.append(row)
-        numbers = " | ".join(f"{value:.1f}" for value in row.lengths)
+        numbers = " | ".join(f"{value:.1f}" for value in row.numbers)
         print(f"| {row.world} | {row.object} | {row.interaction} | {numbers} |", flush=True)
     for name in ("rope", "sheet", "solid"):
-        some = [row.lengths for row in rows if row.object == name]
+        some = [row.numbers for row in rows if row.object == name]
         if some:
             numbers = " | ".join(f"{value:.1f}" for value in np.median(some, axis=0))
             print(f"| median of {len(some)} | {name} | | {numbers} |")
+    for name in ("rope", "sheet", "solid"):
+        left = np.log([row.left for row in rows if row.object == name])
+        if len(left) > 1:
+            print(f"{name}: ln of what is left {left.mean():.2f} ± {left.std(ddof=1):.2f}")
     return 0
 
 

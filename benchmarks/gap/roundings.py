@@ -50,10 +50,10 @@ def astray(observation: Observation, calm: bool) -> tuple[float, float]:
 
 def main(arguments: list[str] | None = None) -> int:
     """Print a table."""
-    folder, labels = healthy_worlds(__doc__, arguments)
+    worlds = healthy_worlds(__doc__, arguments)
     print("| world | object | interaction | apart mm, without | with | left, without | with |")
     print("|---" * 7 + "|")
-    for label in labels:
+    for folder, label in worlds:
         if label["kind"] == "solid":
             continue
         observation = read_observation(folder / f"{label['world']}.npz")

@@ -5,7 +5,7 @@
     python -m benchmarks.gap.weighing train out/told/clear out/told/dev --out model/gap/weighing.json
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
-sealed labels are refused. What the folder holds is not done again. `train` fits eight weights, and says how
+sealed labels are refused. What the folder holds is not done again. `train` fits ten weights, and says how
 well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect.
 """
 
@@ -13,7 +13,8 @@ import argparse
 import json
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
@@ -37,9 +38,21 @@ from model.types import Array
 SEEN = 1.5
 """Signal-to-noise from which an effect is there to be learned from."""
 USUAL = Weighing(
-    effect=-5.0, fitted=3.0, later=3.0, elsewhere=3.0, sheet=-1.0, buckling=-4.0, unknown=-2.0, astray=1.0
+    effect=-5.0,
+    fitted=3.0,
+    later=3.0,
+    elsewhere=3.0,
+    harm=6.0,
+    sheet=-1.0,
+    buckling=-4.0,
+    unknown=-2.0,
+    astray=1.0,
+    left=1.0,
 )
 """What weights are before any world was seen: three e-folds explained make up for how rare each effect is."""
+COMMON: Mapping[VerdictName | None, float] = {NONE: 0.4, None: 0.45, UNKNOWN: 0.15}
+"""How often nothing, an effect (no matter which) or something unknown is what is right: worlds to learn from
+are picked, and count as if they came so."""
 STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
@@ -61,13 +74,21 @@ class Told:
         """Nothing is at work, or it can be seen."""
         return self.magnitude is None or self.magnitude >= SEEN
 
+    @property
+    def kind(self) -> VerdictName | None:
+        """Of its right answers: none, unknown, or an effect (None)."""
+        if NONE in self.right:
+            return NONE
+        return UNKNOWN if UNKNOWN in self.right else None
+
     @classmethod
     def read(cls, path: Path) -> "Told":
         """What `gather` wrote."""
         content = json.loads(path.read_bytes())
         account = content.pop("account")
         explained = {name: Explained(**each) for name, each in account["explained"].items()}
-        known = Account(account["shape"], account["screened"], explained, tuple(account["astray"]))
+        astray, left = tuple(account["astray"]), tuple(account["left"])
+        known = Account(account["shape"], account["screened"], explained, astray, left)
         return cls(**content | {"right": tuple(content["right"]), "account": known})
 
 
@@ -91,15 +112,18 @@ def learned(worlds: Sequence[Told]) -> Weighing:
     before = np.array([getattr(USUAL, field.name) for field in fields(Weighing)])
     slopes, offsets = _linear([one.account for one in worlds])
     right = np.array([[name in one.right for name in ANSWERS] for one in worlds]).reshape(len(worlds), -1)
+    counts = Counter(one.kind for one in worlds)
+    whole = sum(COMMON[kind] for kind in counts)
+    worth = np.array([COMMON[one.kind] / whole / counts[one.kind] for one in worlds]) * len(worlds)
 
     def cost(weights: Float64[Array, " k"]) -> tuple[float, Float64[Array, " k"]]:
         scores = slopes @ weights + offsets
         chances = np.exp(scores - logsumexp(scores, axis=1, keepdims=True))
         among = np.where(right, chances, 0.0)
         share = among.sum(1, keepdims=True)
-        slope = np.einsum("wa,wak->k", chances - among / share, slopes)
+        slope = np.einsum("w,wa,wak->k", worth, chances - among / share, slopes)
         apart = weights - before
-        return float(STIFF * (apart**2).sum() - np.log(share).sum()), slope + 2.0 * STIFF * apart
+        return float(STIFF * (apart**2).sum() - worth @ np.log(share[:, 0])), slope + 2.0 * STIFF * apart
 
     return Weighing(*minimize(cost, before, jac=True, method="L-BFGS-B").x.tolist())
 
@@ -133,8 +157,8 @@ def scores(judged: Sequence[tuple[Told, Judged]]) -> dict[str, float]:
     sure = np.array([verdict.chances[verdict.best] for _, verdict in judged])
     right = np.array([verdict.best in one.right for one, verdict in judged])
     third = np.array([bool(set(verdict.ranked[:3]) & set(one.right)) for one, verdict in judged])
-    healthy = np.array([NONE in one.right for one, _ in judged])
-    strange = np.array([one.right == (UNKNOWN,) for one, _ in judged])
+    healthy = np.array([one.kind == NONE for one, _ in judged])
+    strange = np.array([one.kind == UNKNOWN for one, _ in judged])
     effects = ~healthy & ~strange
     return {
         "worlds": float(len(judged)),

@@ -9,10 +9,10 @@ from model.schema import EffectName
 
 MOST = (-1.0, 6.0)
 """Of what an effect may explain of one part of what was seen."""
-BEYOND = 3.0
+BEYOND = 1.0
 """What an effect explains beyond the frames that it was fitted to counts at most so many times what it
 explains of those. Of one that they hardly show others would have to say the strength as well, and any fits a
-little."""
+little; and a twin that is lost without an effect, and with it is not, may have been lost by chance."""
 
 Left = tuple[float, float]
 """Mean squares that the refitted twin leaves unexplained without an effect, and with it."""
@@ -59,12 +59,15 @@ class Account:
     """By each effect that was fitted."""
     astray: tuple[float, ...]
     """How far off the refitted twin's free runs are in each recording, over the size of the object."""
+    left: tuple[float, ...]
+    """Mean square of what the plain twin leaves unexplained in each recording, over the noise's, where its
+    parameters are fitted to it."""
 
     @property
     def alone(self) -> "Account":
         """The same without the other recording."""
         here = {name: replace(one, elsewhere=0.0) for name, one in self.explained.items()}
-        return replace(self, explained=here, astray=self.astray[:1])
+        return replace(self, explained=here, astray=self.astray[:1], left=self.left[:1])
 
 
 def _explained(left: Left) -> float:

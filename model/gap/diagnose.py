@@ -92,11 +92,13 @@ def _diagnosed(
     plain = refit(fitted)
     confirmed = {name: _fitted(fitted, plain, screened, name) for name in _likely(screened)}
     refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
+    left = (plain.estimate.cost, *([] if other is None else [other.left(plain)]))
     account = Account(
         fitted.plain.twin.body.shape,
         {name: screened.first.chances[name] for name in EFFECT_NAMES},
-        _explained(fitted, other, plain, confirmed),
+        _explained(fitted, other, plain, confirmed, left),
         _astray(plain, refitted),
+        left,
     )
     tried = _tried(fitted, plain, confirmed, screened, account)
     tell("ceiling", 0.85)
@@ -168,21 +170,24 @@ def _likely(screened: _Screened) -> list[EffectName]:
 
 
 def _explained(
-    fitted: Study, other: Transferred | None, plain: Fitted, confirmed: Mapping[EffectName, Confirmed]
+    fitted: Study,
+    other: Transferred | None,
+    plain: Fitted,
+    confirmed: Mapping[EffectName, Confirmed],
+    left: tuple[float, ...],
 ) -> dict[EffectName, Explained]:
     """What each effect explains: in the frames of its fit, in later ones, and in another recording.
 
     There it is as strong as in the first. One that explains nothing in the frames of its fit is
     not tried anywhere else: there is no strength to try it with.
     """
-    here, later = plain.estimate.cost, held_out(fitted, plain)
-    there = None if other is None else other.left(plain)
+    here, later = left[0], held_out(fitted, plain)
     explained: dict[EffectName, Explained] = {}
     for name, one in confirmed.items():
         if one.estimate.cost >= SEEN * here:
             explained[name] = Explained()
             continue
-        elsewhere = None if other is None or there is None else (there, other.left(one))
+        elsewhere = None if other is None else (left[1], other.left(one))
         explained[name] = Explained.of((here, one.estimate.cost), (later, held_out(fitted, one)), elsewhere)
     return explained
 

@@ -15,8 +15,6 @@ from model.types import Array
 
 ALIKE = 0.9
 """Cosine of two effects' signatures, beside the twin's own parameters, above which nobody can tell."""
-LIKELIER = 0.5
-"""Nothing is missing where that is at least as probable as that something is."""
 BESIDE, SECOND = 0.1, 0.2
 """A second effect has to explain this share beside the first, and to be this likely against it."""
 
@@ -29,15 +27,8 @@ class Judged:
 
     @property
     def best(self) -> VerdictName:
-        """First whether something is missing, then what: "none" where that is likelier than not.
-
-        Else the most likely of what may be missing: two effects that this recording cannot tell apart share
-        what speaks for something, and nothing would win against each alone. Of equals, an effect, the first
-        in the catalogue's order.
-        """
-        if self.chances[NONE] >= LIKELIER:
-            return NONE
-        return max((*self.ranked, UNKNOWN), key=lambda name: self.chances[name])
+        """The most probable; of equals "none", then an effect, the first in the catalogue's order."""
+        return max((NONE, *self.ranked, UNKNOWN), key=lambda name: self.chances[name])
 
     @property
     def effect(self) -> EffectName | None:

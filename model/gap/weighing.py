@@ -17,13 +17,18 @@ WEIGHTS = "weighing.json"
 BUCKLES, SLACK = ("rope", "sheet"), "tension_only"
 """What is thin folds between the points of its twin. One that cannot, a rope's or one that was given, is too
 stiff against being pressed together: slack springs explain that, healthy or not."""
+HEALTHY = {"rope": (1.0, 0.8), "sheet": (1.9, 1.2), "solid": (1.4, 1.0)}
+"""Mean and standard deviation of the logarithm of what a plain twin leaves, over the noise, where nothing is
+missing, of development worlds (`python -m benchmarks.gap.healthy`): no lattice is the world."""
+MOST_BEYOND = (-1.0, 2.5)
+"""Standard deviations that what is left counts at most as fewer or more."""
 ASTRAY, ASTRAY_STEP, MOST_ASTRAY = 0.04, 0.01, (-4.0, 8.0)
 """Share of the object's size from which it counts that free runs are off, in which steps, within limits."""
 
 
 @dataclass(frozen=True)
 class Weighing:
-    """Weights of a conditional logit; the score of "none" is zero.
+    """Weights of a conditional logit; the score of "none" is zero where as much is left as usual.
 
     An effect that explains nothing has the score `effect`, as have those that were not worth a fit.
 
@@ -37,8 +42,11 @@ class Weighing:
     """For each e-fold that is explained in the frames of the fit."""
     later: float
     elsewhere: float
+    harm: float
+    """On top of that where it is less than nothing: as strong as the first recording asks for, what is really
+    missing does no harm in another, and what is not often does."""
     sheet: float
-    """On top of these three, of sheets, whose plain twins are worse."""
+    """On top of the three parts, of sheets, whose plain twins are worse."""
     buckling: float
     """Of slack springs in what is thin."""
     unknown: float
@@ -46,6 +54,8 @@ class Weighing:
     astray: float
     """Of the same, for each step that free runs are off in the better followed of the recordings: a fold or a
     fall, nearly chaotic, leads a healthy twin astray in one; what is missing is missing in all."""
+    left: float
+    """Against none, for each standard deviation that the plain twin leaves more than healthy ones do."""
 
     @classmethod
     def shipped(cls) -> "Weighing":
@@ -73,7 +83,7 @@ class Weighing:
             share = account.screened[name] / whole if whole > 0.0 else 1.0 / len(untried)
             scores[name] = self.effect + float(np.log(max(share * len(untried), 1e-9)))
         off = float(np.clip((min(account.astray) - ASTRAY) / ASTRAY_STEP, *MOST_ASTRAY))
-        return scores | {NONE: 0.0, UNKNOWN: self.unknown + self.astray * off}
+        return scores | {NONE: -self.left * beyond(account), UNKNOWN: self.unknown + self.astray * off}
 
     def _fitted(self, account: Account) -> Mapping[EffectName, float]:
         extra = self.sheet if account.shape == "sheet" else 0.0
@@ -83,6 +93,17 @@ class Weighing:
             + (self.fitted + extra) * one.fitted
             + (self.later + extra) * one.later
             + (self.elsewhere + extra) * one.elsewhere
+            + self.harm * min(one.elsewhere, 0.0)
             + (self.buckling if thin and name == SLACK else 0.0)
             for name, one in account.explained.items()
         }
+
+
+def beyond(account: Account) -> float:
+    """Standard deviations of healthy twins by which more is left than they leave, within `MOST_BEYOND`.
+
+    In the recording that is followed better: a fold or a fall leads a healthy twin astray in one.
+    """
+    mean, spread = HEALTHY[account.shape]
+    left = float(np.log(max(min(account.left), 1e-12)))
+    return float(np.clip((left - mean) / spread, *MOST_BEYOND))

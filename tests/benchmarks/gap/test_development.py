@@ -15,7 +15,9 @@ def test_healthy_worlds_of_open_labels_alone(tmp_path, capsys, monkeypatch):
     assert "has no open labels (labels.json): it asks of development worlds alone" in capsys.readouterr().err
     rest = {"effects": [], "accepted": []}
     labels = [{"world": name, "category": what, **rest} for name, what in (("a", "null"), ("b", "single"))]
-    (tmp_path / "labels.json").write_text(json.dumps(labels))
-    folder, healthy = healthy_worlds("Of what.", [str(tmp_path)])
-    assert folder == tmp_path
-    assert [label["world"] for label in healthy] == ["a"]
+    first, second = tmp_path / "first", tmp_path / "second"
+    for folder in (first, second):
+        folder.mkdir()
+        (folder / "labels.json").write_text(json.dumps(labels))
+    healthy = healthy_worlds("Of what.", [str(first), str(second)])
+    assert [(folder, label["world"]) for folder, label in healthy] == [(first, "a"), (second, "a")]

@@ -14,7 +14,7 @@ ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
 
 def told(number, right, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0):
-    account = Account(shape, ALIKE, explained, astray)
+    account = Account(shape, ALIKE, explained, astray, (2.0, 2.0))
     return Told(f"{number:03d}", "made", right, None if "none" in right else magnitude, account)
 
 

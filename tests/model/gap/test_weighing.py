@@ -7,16 +7,31 @@ import pytest
 
 from model.gap.account import Account, Explained
 from model.gap.schema import EFFECT_NAMES
-from model.gap.weighing import ASTRAY, ASTRAY_STEP, MOST_ASTRAY, Weighing
+from model.gap.weighing import ASTRAY, ASTRAY_STEP, HEALTHY, MOST_ASTRAY, MOST_BEYOND, Weighing
 
 WEIGHTS = Weighing(
-    effect=-5.0, fitted=3.0, later=2.0, elsewhere=4.0, sheet=-1.0, buckling=-4.0, unknown=-2.0, astray=1.0
+    effect=-5.0,
+    fitted=3.0,
+    later=2.0,
+    elsewhere=4.0,
+    harm=5.0,
+    sheet=-1.0,
+    buckling=-4.0,
+    unknown=-2.0,
+    astray=1.0,
+    left=1.0,
 )
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
 
-def account(shape="rope", astray=(ASTRAY,), screened=ALIKE, **explained):
-    return Account(shape, screened, explained, astray)
+def usual(shape, beyond=0.0):
+    """What is left of a healthy twin, or so many standard deviations more."""
+    mean, spread = HEALTHY[shape]
+    return float(np.exp(mean + beyond * spread))
+
+
+def account(shape="rope", astray=(ASTRAY,), screened=ALIKE, left=None, **explained):
+    return Account(shape, screened, explained, astray, (usual(shape),) if left is None else left)
 
 
 def odds(judged, one, other="none"):
@@ -29,6 +44,12 @@ def test_odds_are_the_weighed_sum_of_what_is_explained():
     assert odds(judged, "damage") == pytest.approx(-5.0 + 0.6)
     assert odds(judged, "unknown") == pytest.approx(-2.0)
     assert sum(judged.chances.values()) == pytest.approx(1.0)
+
+
+def test_what_does_harm_elsewhere_is_not_what_is_missing():
+    helps, harms = Explained(1.0, 1.0, 0.2), Explained(1.0, 1.0, -0.2)
+    judged = WEIGHTS.judged(account(wind=helps, damage=harms))
+    assert odds(judged, "wind", "damage") == pytest.approx(4.0 * 0.4 + 5.0 * 0.2)
 
 
 def test_sheets_have_to_explain_more():
@@ -71,6 +92,20 @@ def test_what_the_twin_follows_in_no_recording_lacks_something_unknown():
     followed = WEIGHTS.judged(account(astray=(far, ASTRAY)))
     assert odds(followed, "unknown") == pytest.approx(-2.0)
     assert odds(WEIGHTS.judged(account(astray=(9.0,))), "unknown") == pytest.approx(-2.0 + MOST_ASTRAY[1])
+
+
+@pytest.mark.parametrize("shape", ["rope", "sheet", "solid"])
+def test_a_twin_that_leaves_more_than_healthy_ones_do_lacks_something(shape):
+    none = {
+        more: WEIGHTS.judged(account(shape, left=(usual(shape, more),))).chances["none"]
+        for more in (-9.0, MOST_BEYOND[0], 0.0, 2.0, MOST_BEYOND[1], 9.0)
+    }
+    assert none[-9.0] == pytest.approx(none[MOST_BEYOND[0]])
+    assert none[MOST_BEYOND[0]] > none[0.0] > none[2.0] > none[9.0] == pytest.approx(none[MOST_BEYOND[1]])
+    more = WEIGHTS.judged(account(shape, left=(usual(shape, 2.0),)))
+    assert odds(more, "unknown") == pytest.approx(-2.0 + 2.0)
+    two = WEIGHTS.judged(account(shape, left=(usual(shape, 2.0), usual(shape, 0.5))))
+    assert odds(two, "unknown") == pytest.approx(-2.0 + 0.5), "by the recording that is followed better"
 
 
 def test_an_effect_that_explains_it_is_named_all_the_same():
