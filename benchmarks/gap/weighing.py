@@ -87,6 +87,10 @@ class Told:
         content = json.loads(path.read_bytes())
         account = content.pop("account")
         explained = {name: Explained(**each) for name, each in account["explained"].items()}
+        if "left" not in account:
+            raise SystemExit(
+                f"{path}: gathered before accounts told what is left; remove it and gather again"
+            )
         astray, left = tuple(account["astray"]), tuple(account["left"])
         known = Account(account["shape"], account["screened"], explained, astray, left)
         return cls(**content | {"right": tuple(content["right"]), "account": known})

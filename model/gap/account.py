@@ -14,6 +14,10 @@ BEYOND = 1.0
 explains of those. Of one that they hardly show others would have to say the strength as well, and any fits a
 little; and a twin that is lost without an effect, and with it is not, may have been lost by chance."""
 
+FINEST = 1e-3
+"""No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
+no less noise."""
+
 Left = tuple[float, float]
 """Mean squares that the refitted twin leaves unexplained without an effect, and with it."""
 
@@ -60,14 +64,19 @@ class Account:
     astray: tuple[float, ...]
     """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     left: tuple[float, ...]
-    """Mean square of what the plain twin leaves unexplained in each recording, over the noise's, where its
-    parameters are fitted to it."""
+    """Mean square of what the plain twin leaves unexplained in each recording, its parameters fitted to it,
+    over that of the noise, or of `FINEST` where the sensor is better."""
 
     @property
     def alone(self) -> "Account":
         """The same without the other recording."""
         here = {name: replace(one, elsewhere=0.0) for name, one in self.explained.items()}
         return replace(self, explained=here, astray=self.astray[:1], left=self.left[:1])
+
+
+def against_ordinary(left: float, noise: float) -> float:
+    """What is left over the noise [m], told against `FINEST` where the noise is less."""
+    return left * min(noise / FINEST, 1.0) ** 2
 
 
 def _explained(left: Left) -> float:

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from model.gap.account import Account, Explained
+from model.gap.account import Account, Explained, against_ordinary
 from model.gap.acts_on import acting
 from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
@@ -93,12 +93,13 @@ def _diagnosed(
     confirmed = {name: _fitted(fitted, plain, screened, name) for name in _likely(screened)}
     refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
     left = (plain.estimate.cost, *([] if other is None else [other.left(plain)]))
+    noises = (fitted.misfit.noise, *([] if other is None else [other.told_noise]))
     account = Account(
         fitted.plain.twin.body.shape,
         {name: screened.first.chances[name] for name in EFFECT_NAMES},
         _explained(fitted, other, plain, confirmed, left),
         _astray(plain, refitted),
-        left,
+        tuple(against_ordinary(*one) for one in zip(left, noises, strict=True)),
     )
     tried = _tried(fitted, plain, confirmed, screened, account)
     tell("ceiling", 0.85)

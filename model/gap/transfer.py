@@ -60,6 +60,11 @@ class Transferred:
     noise: float
     """Standard deviation of the measured places there [m]."""
 
+    @property
+    def told_noise(self) -> float:
+        """By which what is left is weighed [m]."""
+        return max(self.noise, LEAST_NOISE)
+
     def forecast(self, hypothesis: Hypothesis, values: dict[str, float]) -> Forecast:
         """What a twin foretells there that was fitted to the first recording.
 
@@ -98,7 +103,7 @@ class Transferred:
         """What is free of a hypothesis, fitted to all frames from these values and the recording's own."""
         frames = len(self.twin.observation.times)
         span = Span(0, frames - 1, self.state)
-        misfit = Misfit(hypothesis, self.observer, span, max(self.noise, LEAST_NOISE))
+        misfit = Misfit(hypothesis, self.observer, span, self.told_noise)
         known = {**values, **self.own}
         start = {name: known.get(name, q.start) for name, q in hypothesis.quantities.items()}
         return misfit, start, estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, frames)

@@ -16,9 +16,14 @@ SMOOTHNESS = tuple(np.logspace(-5.0, 5.0, 31).tolist())
 """Variances of the noise over those of third differences of the motion that are tried."""
 TINY = 1e-30
 """[m²] in all: of hands that do not move."""
-FARTHEST = 8.0
+FARTHEST = 5.0
 """Noise is nowhere so many times its median. Where more is taken for noise a hand was jolted, and such a
 motion is left as it was measured."""
+LOUDEST = 0.003
+"""Standard deviation of a coordinate [m]: who measures a hand errs by less. More than that is no noise but a
+fast shake, which third differences cannot tell from it."""
+NEXT = 1e-3
+"""Frames that follow each other within this share of the usual interval are one, and tell no motion."""
 
 
 def steadied(controllers: Float[Array, "T C 3"], times: Float64[Array, " T"]) -> Float64[Array, "T C 3"]:
@@ -44,6 +49,9 @@ def steadied(controllers: Float[Array, "T C 3"], times: Float64[Array, " T"]) ->
     frames = len(measured)
     if frames <= 2 * ORDER or measured.shape[1] == 0:
         return measured
+    intervals = np.diff(times)
+    if intervals.min() < NEXT * np.median(intervals):
+        return measured
     middle = measured.mean(0)
     series = (measured - middle).reshape(frames, -1)
     roughness = _roughness(times)
@@ -51,7 +59,8 @@ def steadied(controllers: Float[Array, "T C 3"], times: Float64[Array, " T"]) ->
     best = min(tried, key=lambda one: one.unlikely)
     noise = measured - middle - best.series.reshape(measured.shape)
     size = np.linalg.norm(noise, axis=2)
-    if size.max() > FARTHEST * np.median(size):
+    loud = float(np.sqrt(np.square(noise).mean())) > LOUDEST
+    if loud or size.max() > FARTHEST * np.median(size):
         return measured
     places: Float64[Array, "T C 3"] = measured - noise + noise[0]
     return places

@@ -1,6 +1,6 @@
 """Where, when and from what source the gap comes, in plain sentences with the numbers first."""
 
-from model.gap.report.wording import added, companions, listed, millimetres, percent, plain
+from model.gap.report.wording import LIKELY, added, companions, listed, millimetres, percent, plain
 from model.gap.schema import SOURCE_NAMES, GapReport
 
 MEANINGS = {
@@ -26,10 +26,11 @@ def sentences(report: GapReport) -> tuple[str, ...]:
 
 def title(report: GapReport) -> str:
     """The verdict in a few words."""
+    sure = report.verdict.probability >= LIKELY
     if report.verdict.effect == "none":
-        return "Nothing is missing"
+        return "Nothing is missing" if sure else "Likeliest: nothing is missing"
     if report.verdict.effect == "unknown":
-        return "Something unknown is missing"
+        return "Something unknown is missing" if sure else "Likeliest: something unknown is missing"
     names = [plain(report.verdict.effect), *(plain(name) for name in companions(report))]
     missing = listed(names, "or") if report.verdict.second is None else str(added(report))
     return f"Missing: {missing}"

@@ -1,6 +1,7 @@
 """The verdict as one plain sentence."""
 
 from model.gap.report.wording import (
+    LIKELY,
     added,
     companions,
     listed,
@@ -13,8 +14,6 @@ from model.gap.schema import GapReport
 
 UNSEEN = 3.0
 """A twin that is off by more times the noise may lack something that does not stand out."""
-LIKELY = 0.5
-"""What is less probable is not said outright."""
 TUNED = 1.2
 """A twin that came with more times its refitted error was badly tuned, which is worth a word."""
 
@@ -48,8 +47,11 @@ def _cause(report: GapReport) -> str:
     chances = [report.finding(each).probability for each in (report.verdict.effect, *alike)]
     together = percent(min(1.0, sum(chances)))
     beside = "" if report.verdict.second is None else f", beside {plain(report.verdict.second)}"
+    verb = "is missing in the twin"
+    if sum(chances) < LIKELY:
+        verb = "is the likeliest thing that the twin lacks"
     return (
-        f"{names.capitalize()} is missing in the twin ({together} sure){beside}; this recording cannot tell"
+        f"{names.capitalize()} {verb} ({together} sure){beside}; this recording cannot tell"
         f" them apart, {plain(report.verdict.effect)} is the likeliest ({sure})"
     )
 
@@ -91,11 +93,15 @@ def _nothing(report: GapReport) -> str:
         return (
             f"No missing effect stands out in this recording ({percent(report.verdict.probability)} sure"
             f" that none is at work): {tuned}the twin is off by {millimetres(gap.refit)} on held-out time,"
-            f" where measurement noise alone makes {millimetres(gap.noise_floor)}; as much is left by twins"
-            " that lack nothing but the true mesh."
+            f" where measurement noise alone makes {millimetres(gap.noise_floor)}; a twin that lacks nothing"
+            " but the true mesh may leave as much."
         )
+    sure = percent(report.verdict.probability)
+    said = f"Nothing is missing in the twin ({sure} sure)"
+    if report.verdict.probability < LIKELY:
+        said = f"That nothing is missing in the twin is the likeliest answer ({sure} sure)"
     return (
-        f"Nothing is missing in the twin ({percent(report.verdict.probability)} sure): {tuned}it is off by"
+        f"{said}: {tuned}it is off by"
         f" {millimetres(gap.refit)} on held-out time, and measurement noise alone makes"
         f" {millimetres(gap.noise_floor)}."
     )
@@ -103,9 +109,12 @@ def _nothing(report: GapReport) -> str:
 
 def _unknown(report: GapReport) -> str:
     gap = report.gap
+    sure = percent(report.verdict.probability)
+    said = "Something is missing in the twin that the catalogue does not have"
+    if report.verdict.probability < LIKELY:
+        said = "The likeliest answer is that the twin lacks something that the catalogue does not have"
     text = (
-        "Something is missing in the twin that the catalogue does not have"
-        f" ({percent(report.verdict.probability)} sure): after refitting it is off by"
+        f"{said} ({sure} sure): after refitting it is off by"
         f" {millimetres(gap.refit)} on held-out time, where noise alone makes {millimetres(gap.noise_floor)}"
     )
     if gap.ceiling is not None:

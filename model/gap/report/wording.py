@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 from model.gap.schema import GapReport
 
 REFITTED = "refitted twin"
+LIKELY = 0.5
+"""What is less probable is not said outright."""
 
 
 def plain(name: str) -> str:

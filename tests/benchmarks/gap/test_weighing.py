@@ -86,6 +86,26 @@ def test_a_missed_effect_and_a_false_alarm_are_counted(worlds):
     assert (found["right"], found["false alarms"], found["top-1 of effects"]) == (0.5, 0.5, 0.5)
 
 
+def test_worlds_count_as_they_come_however_many_of_a_kind_were_picked(worlds):
+    healthy = [one for one in worlds if one.kind == "none"]
+    once, twice = learned(worlds), learned([*worlds, *healthy])
+    strange = [one for one in worlds if one.kind == "unknown"]
+    chances = [
+        np.mean([weighing.judged(one.account).chances["none"] for one in [*healthy, *strange]])
+        for weighing in (once, twice)
+    ]
+    assert chances[1] == pytest.approx(chances[0], abs=0.01)
+    assert {one.kind for one in worlds} == {"none", "unknown", None}
+
+
+def test_accounts_of_before_are_refused_in_one_line(worlds, tmp_path):
+    content = asdict(worlds[0])
+    del content["account"]["left"]
+    (tmp_path / "old.json").write_text(json.dumps(content))
+    with pytest.raises(SystemExit, match="gather again"):
+        Told.read(tmp_path / "old.json")
+
+
 def test_trained_by_one_command(worlds, tmp_path, capsys):
     folder = tmp_path / "made"
     folder.mkdir()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.gap.account import BEYOND, MOST, Account, Explained
+from model.gap.account import BEYOND, FINEST, MOST, Account, Explained, against_ordinary
 
 
 def test_halves_count_the_same_however_much_there_was():
@@ -32,3 +32,13 @@ def test_without_the_other_recording():
     assert account.alone == Account(
         "rope", {"wind": 0.1}, {"wind": Explained(0.5, 0.4, 0.0)}, (0.05,), (4.0,)
     )
+
+
+def test_a_better_sensor_makes_no_twin_worse():
+    """A lattice is off by lengths, which do not shrink with the noise that they are compared with."""
+    off = 2.5e-3
+    left = [1.0 + (off / noise) ** 2 for noise in (0.3e-3, 0.5e-3, FINEST)]
+    told = [against_ordinary(one, noise) for one, noise in zip(left, (0.3e-3, 0.5e-3, FINEST), strict=True)]
+    assert max(told) == told[-1] == left[-1]
+    assert min(told) > 0.8 * told[-1]
+    assert against_ordinary(3.0, 5e-3) == 3.0

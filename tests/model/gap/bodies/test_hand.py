@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.hand import steadied
+from model.gap.bodies.hand import LOUDEST, _roughness, _smoothed, steadied
 from model.types import Array
 
 TIMES = np.arange(136) / 30.0
@@ -55,6 +55,62 @@ def test_a_jolt_stays_as_it_was_measured() -> None:
     jolted = noisy(reached(TIMES), 1e-4, 0.0, 0)
     jolted[70:] += [0.1, 0.0, 0.0]
     assert (steadied(jolted, TIMES) == jolted).all()
+
+
+def test_a_jolt_of_centimetres_stays_beside_noise_of_a_millimetre() -> None:
+    jolted = noisy(reached(TIMES), 0.001, 0.0, 4)
+    jolted[70:] += [0.05, 0.0, 0.0]
+    assert np.abs(np.diff(steadied(jolted, TIMES), axis=0)[69, :, 0]).min() > 0.04
+
+
+@pytest.mark.parametrize("frequency", [5.0, 6.0, 8.0])
+@pytest.mark.parametrize("size", [0.0, 0.001])
+def test_a_fast_shake_is_no_noise(frequency: float, size: float) -> None:
+    true = reached(TIMES)
+    true[..., 0] += 0.03 * np.sin(2.0 * np.pi * frequency * TIMES)[:, None]
+    measured = noisy(true, size, 0.0, 5)
+    off = steadied(measured, TIMES) - measured
+    assert np.sqrt(np.square(off).mean()) < LOUDEST
+
+
+def test_a_lively_hand_is_smoothed_less_than_a_slow_one() -> None:
+    slow, lively = (0.05 * np.sin(rate * TIMES)[:, None, None] * np.ones((1, 4, 3)) for rate in (1.0, 12.0))
+    off = [
+        float(np.square(np.diff(steadied(noisy(true, 0.001, 0.0, 6), TIMES) - true, axis=0)).mean())
+        for true in (slow, lively)
+    ]
+    assert off[0] < 0.5 * off[1] < 0.5 * 2e-6, "what is left of the noise in what moves from frame to frame"
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.4])
+def test_the_likelihood_is_that_of_all_frames_at_once(memory: float) -> None:
+    """Against matrices without any structure, for uneven frames, up to what no ratio changes."""
+    rng = np.random.default_rng(7)
+    times = np.cumsum(rng.uniform(0.02, 0.06, 12))
+    series, bands = rng.normal(size=(12, 2)), _roughness(times)
+    rough = sum(np.diag(band[: 12 - k], -k) for k, band in enumerate(bands))
+    rough = rough + np.tril(rough, -1).T
+    noise = memory ** np.abs(np.subtract.outer(np.arange(12), np.arange(12))) if memory else np.eye(12)
+    basis = np.stack([times**k for k in range(3)], 1)
+    nought = np.linalg.svd(basis.T)[2][3:].T
+    inner = np.linalg.inv(nought.T @ rough @ nought)
+
+    def dense(ratio: float) -> float:
+        spread = nought.T @ noise @ nought + inner / ratio
+        projected = nought.T @ series
+        square = float(np.einsum("ij,ik,kj->", projected, np.linalg.inv(spread), projected)) / 2
+        return 9.0 * np.log(square) + float(np.linalg.slogdet(spread)[1])
+
+    found = [_smoothed(series, bands, ratio, memory).unlikely for ratio in (0.1, 1.0, 30.0)]
+    expected = [dense(ratio) for ratio in (0.1, 1.0, 30.0)]
+    assert np.allclose(np.diff(found), np.diff(expected), atol=1e-6)
+
+
+def test_frames_at_nearly_the_same_time_are_left_alone() -> None:
+    times = TIMES.copy()
+    times[50] = times[49] + 1e-9
+    measured = noisy(reached(times), 0.001, 0.0, 8)
+    assert (steadied(measured, times) == measured).all()
 
 
 def test_frames_that_are_missing_do_not_bend_the_path() -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 
+from model.gap.report.sentences import title
 from model.gap.report.statement import stated, statement
 from model.gap.report.wording import millimetres, percent
 
@@ -40,6 +41,29 @@ def test_nothing(nothing):
 def test_nothing_says_nothing_of_refitting_where_it_changed_little(nothing):
     gap = nothing.report.gap.model_copy(update={"baseline": nothing.report.gap.refit})
     assert "refitted" not in statement(nothing.report.model_copy(update={"gap": gap}))
+
+
+@pytest.mark.parametrize("kind", ["nothing", "unknown"])
+def test_what_is_hardly_likelier_than_others_is_not_said_outright(kind, request):
+    report = request.getfixturevalue(kind).report
+    verdict = report.verdict.model_copy(update={"probability": 0.31})
+    unsure = report.model_copy(update={"verdict": verdict})
+    assert "likeliest answer" in statement(unsure)
+    assert "(31 % sure)" in statement(unsure)
+    assert title(unsure).startswith("Likeliest: ")
+    assert "likeliest answer" not in statement(report)
+
+
+def test_nor_is_a_class(alike):
+    effects = [
+        each.model_copy(update={"probability": 0.2}) if each.name in {"wind", "gravity_tilt"} else each
+        for each in alike.report.effects
+    ]
+    verdict = alike.report.verdict.model_copy(update={"probability": 0.2})
+    unsure = alike.report.model_copy(update={"verdict": verdict, "effects": tuple(effects)})
+    assert statement(unsure).startswith(
+        "Wind or gravity tilt is the likeliest thing that the twin lacks (40 % sure)"
+    )
 
 
 def test_unknown_tells_what_the_best_known_effect_leaves(unknown):
