@@ -82,12 +82,24 @@ class Dynamics(torch.nn.Module):
         return torch.cat([free, after], dim=1)
 
     def rollout(
-        self, particles: Particles, history: Float[Tensor, "b h n 3"], controls: Float[Tensor, "b t c 3"]
+        self,
+        particles: Particles,
+        history: Float[Tensor, "b h n 3"],
+        controls: Float[Tensor, "b t c 3"],
+        farthest: float = math.inf,
     ) -> Float[Tensor, "b t n 3"]:
-        """The frames after `history` [m], as many as there are controls."""
+        """The frames after `history` [m], as many as there are controls.
+
+        Args:
+            particles: The graph.
+            history: Where they were in the last frames [m].
+            controls: Where the controllers will be [m].
+            farthest: That a particle may go from frame to frame [m].
+        """
         made = []
         for frame in range(controls.shape[1]):
             after = self(particles, history, controls[:, frame])
+            after = _slowed(history[:, -1], after, particles.count, farthest)
             history = torch.cat([history[:, 1:], after.unsqueeze(1)], dim=1)
             made.append(after)
         return torch.stack(made, dim=1)
@@ -103,7 +115,8 @@ class GraphDynamics(Method):
     of lengths between neighbours. It knows no physics but that what moves goes on moving.
 
     The seen frames are predicted from frame 0, the future from the last frames seen, other interactions from
-    rest. Particles are some of the mass points, which follow the points that were seen around them.
+    rest. Particles are some of the mass points, which follow the points that were seen around them. None goes
+    faster than anything seen, the hands, or what falls from as high as the object reaches at first.
 
     Against the paper: one clip to learn from rather than dozens; 64 wide rather than 512; 800 steps of 8
     windows rather than 100 000 of 16. Neighbours are those at rest, not those of the moment, since what is
@@ -149,7 +162,8 @@ class GraphDynamics(Method):
         dynamics = Dynamics(scales, self.width, self.passes, self.seed)
         self._train(dynamics, particles, tracks, scales)
         last = tracks[_before(case.split, len(tracks))]
-        return Learned(case.name, dynamics, chosen, self.neighbours, case.split, last)
+        fastest = _farthest(tracks) / _interval(case)
+        return Learned(case.name, dynamics, chosen, self.neighbours, case.split, last, fastest)
 
     @staticmethod
     def _tracks(case: Case, particles: Particles) -> Float[Tensor, "F n 3"]:
@@ -196,6 +210,8 @@ class Learned:
     split: int
     last: Float[Tensor, "h m 3"]
     """Particles and controllers in the last frames of `case` that were seen [m]."""
+    fastest: float
+    """That any of them was seen to be [m/s]."""
     parameters: Parameters | None = None
     part_belief: PartBelief | None = None
 
@@ -204,25 +220,63 @@ class Learned:
         particles = graph(case, self.chosen, self.neighbours)
         controls = torch.as_tensor(case.observation.controllers)
         still = particles.rest.repeat(HISTORY, 1, 1)
+        farthest = max(max(self.fastest, _falling(case)) * _interval(case), _farthest(controls))
         if case.name == self.case:
             made = torch.cat(
                 [
-                    self._roll(particles, still, controls[1 : self.split]),
-                    self._roll(particles, self.last, controls[self.split :]),
+                    self._roll(particles, still, controls[1 : self.split], farthest),
+                    self._roll(particles, self.last, controls[self.split :], farthest),
                 ]
             )
         else:
-            made = self._roll(particles, still, controls[1:])
+            made = self._roll(particles, still, controls[1:], farthest)
         free = torch.cat([particles.rest[None], made])[:, : particles.count]
         return observed(particles.anchors, free).numpy().astype(np.float32)
 
     def _roll(
-        self, particles: Particles, history: Float[Tensor, "h n 3"], controls: Float[Tensor, "t c 3"]
+        self,
+        particles: Particles,
+        history: Float[Tensor, "h n 3"],
+        controls: Float[Tensor, "t c 3"],
+        farthest: float,
     ) -> Float[Tensor, "t n 3"]:
         if not len(controls):
             return history[:0]
         with torch.no_grad():
-            return self.dynamics.rollout(particles, history[None], controls[None])[0]
+            return self.dynamics.rollout(particles, history[None], controls[None], farthest)[0]
+
+
+def _slowed(
+    now: Float[Tensor, "b n 3"], after: Float[Tensor, "b n 3"], count: int, farthest: float
+) -> Float[Tensor, "b n 3"]:
+    """The next frame, in which no particle has gone farther than that; controllers go where they go."""
+    if math.isinf(farthest):
+        return after
+    way = after[:, :count] - now[:, :count]
+    length = torch.linalg.vector_norm(way, dim=-1, keepdim=True)
+    free = now[:, :count] + way * (farthest / length.clamp_min(1e-12)).clamp(max=1.0)
+    return torch.cat([free, after[:, count:]], dim=1)
+
+
+def _farthest(tracks: Float[Tensor, "t n 3"]) -> float:
+    """That anything goes from frame to frame [m]."""
+    if len(tracks) < 2 or not tracks.shape[1]:
+        return 0.0
+    return float(torch.linalg.vector_norm(tracks[1:] - tracks[:-1], dim=-1).max())
+
+
+def _falling(case: Case) -> float:
+    """How fast what falls from the object's highest point is at the ground [m/s]; 0: there is no ground."""
+    ground = case.observation.ground_height
+    if ground is None:
+        return 0.0
+    height = max(float(np.nanmax(case.rest[:, 2])) - ground, 0.0)
+    return math.sqrt(2.0 * float(np.linalg.norm(case.observation.gravity)) * height)
+
+
+def _interval(case: Case) -> float:
+    """Usual time from frame to frame [s]."""
+    return float(np.median(np.diff(case.observation.times)))
 
 
 def _before(frame: int, frames: int) -> Int[Tensor, " h"]:

@@ -54,3 +54,18 @@ def test_another_interaction_begins_at_rest(make_case, hide, errors, fitted):
 def test_the_same_seed_learns_the_same(case, hide):
     made = [GraphDynamics(**SMALL, steps=3).fit(hide(case)).predict(hide(case)) for _ in range(2)]
     assert np.array_equal(made[0], made[1])
+
+
+def test_a_network_gone_wild_moves_nothing_faster_than_was_seen_or_falls(case, hide, make_case):
+    fitted = GraphDynamics(**SMALL, steps=0).fit(hide(case))
+    with torch.no_grad():
+        for parameter in fitted.dynamics.parameters():
+            parameter.add_(3.0 * torch.randn(parameter.shape, generator=torch.Generator().manual_seed(0)))
+    other = make_case(frames=10, lift=0.2, name="other")
+    made, controls = fitted.predict(hide(other)), other.observation.controllers
+    fall = np.sqrt(2.0 * 9.81 * (other.rest[:, 2].max() - (other.observation.ground_height or 0.0)))
+    hands = np.linalg.norm(np.diff(controls, axis=0), axis=-1).max()
+    farthest = max(max(fitted.fastest, fall) * np.diff(other.observation.times).mean(), hands)
+    gone = np.linalg.norm(np.diff(made, axis=0), axis=-1)
+    # points between particles go with several of them
+    assert 0.9 * farthest < gone.max() < 1.05 * farthest
