@@ -26,7 +26,8 @@ noise and discretisation. A world with two effects counts as right when the firs
 on a part of the object; a wrong verdict counts with what it says. *Gap closed* is over all worlds together,
 of the interaction that the diagnosis was given as transfer. *Cover*: actuation delay, direction of gravity,
 share of slackness, excess mass and static friction, where rightly named; other quantities mean different
-things in different laws. *Asked* is the issue's bar, *good* and *astonishing* are GAP.md's.
+things in different laws. *ECE by chance* is what a judge whose probabilities are right has on as many worlds,
+and where 95 % of such judges are. *Asked* is the issue's bar, *good* and *astonishing* are GAP.md's.
 """
 
 

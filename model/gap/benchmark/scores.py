@@ -109,6 +109,24 @@ def calibration_error(confidence: Sequence[float], right: Sequence[bool]) -> Sco
     return bootstrapped(lambda weights: np.abs(weights @ apart).sum(axis=1) / len(p), len(p))
 
 
+def calibration_error_by_chance(confidence: Sequence[float]) -> Score:
+    """What `calibration_error` would be were all probabilities right: its mean and where 95 % of draws are.
+
+    Of few worlds it is far from zero, since in no bin the share that is right is exactly what it should be.
+
+    Reference:
+        Bröcker and Smith (2007), Increasing the reliability of reliability diagrams, Weather and forecasting
+        22 (consistency resampling).
+    """
+    p = np.array(confidence, float)
+    if not len(p):
+        return Score()
+    hit = np.random.default_rng(0).random((RESAMPLES, len(p))) < p
+    drawn = np.abs((p - hit) @ np.eye(BINS)[bin_of(p)]).sum(axis=1) / len(p)
+    low, high = np.percentile(drawn, [2.5, 97.5])
+    return Score(float(drawn.mean()), float(low), float(high), len(p))
+
+
 def bin_of(confidence: Float[Array, " n"]) -> Int[Array, " n"]:
     """Which of `BINS` equal parts of 0..1 each confidence is in; one that ends a part belongs to it."""
     bins: Int[Array, " n"] = np.clip(np.ceil(confidence * BINS).astype(int) - 1, 0, BINS - 1)

@@ -10,6 +10,7 @@ from model.gap.benchmark.scores import (
     Score,
     brier,
     calibration_error,
+    calibration_error_by_chance,
     closed,
     macro_f1,
     mean,
@@ -102,6 +103,7 @@ def table(worlds: Sequence[Outcome]) -> Table:
         Row("false alarms", "nothing missing, but camera, hand or mesh err", _wrong(errors)),
         Row("recall of unknown", "clear, not of the catalogue", _right(outside), Bars(0.70, 0.60, 0.85)),
         Row("ECE", "no effect or a clear one", _ece(seen), Bars(0.08, 0.10, 0.04, smaller=True)),
+        Row("ECE by chance, were probabilities right", "no effect or a clear one", _chance(seen)),
         Row("ECE", "all worlds", _ece(worlds)),
         Row("Brier", "no effect or a clear one", _brier(seen)),
         Row("where: AUC", part, _area(placed), Bars(0.90, 0.80, 0.95)),
@@ -158,6 +160,10 @@ def _scored(score: Callable[[Sequence[float], Sequence[bool]], Score], worlds: S
 
 def _ece(worlds: Sequence[Outcome]) -> Score:
     return _scored(calibration_error, worlds)
+
+
+def _chance(worlds: Sequence[Outcome]) -> Score:
+    return calibration_error_by_chance([each.confidence for each in worlds if each.answer != REFUSED])
 
 
 def _brier(worlds: Sequence[Outcome]) -> Score:

@@ -11,6 +11,7 @@ from model.gap.benchmark.scores import (
     bootstrapped,
     brier,
     calibration_error,
+    calibration_error_by_chance,
     closed,
     confusion,
     macro_f1,
@@ -61,6 +62,17 @@ def test_calibration_by_hand():
     assert score.value == pytest.approx((abs(0.9 + 0.82 - 1) + 0.35) / 3)
     assert calibration_error([1.0, 1.0], [True, True]).value == 0.0
     assert brier([0.9, 0.5], [True, False]).value == pytest.approx((0.01 + 0.25) / 2)
+
+
+def test_few_worlds_look_ill_calibrated_by_chance():
+    # one world at 0.5 is off by a half, right or wrong; where p is 0 or 1 nothing is left to chance
+    assert calibration_error_by_chance([0.5]) == Score(0.5, 0.5, 0.5, 1)
+    assert calibration_error_by_chance([1.0, 0.0]).value == 0.0
+    assert calibration_error_by_chance([]) == Score()
+    # n of them in one bin: the mean of |binomial - n p| / n, which for large n is that of a normal variable
+    many = calibration_error_by_chance([0.7] * 400)
+    assert many.value == pytest.approx(np.sqrt(2 / np.pi * 0.7 * 0.3 / 400), rel=0.05)
+    assert many.low < many.value < many.high
 
 
 def test_area_under_the_curve_by_hand():

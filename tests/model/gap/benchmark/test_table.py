@@ -40,6 +40,7 @@ def test_every_score_counts_its_own_worlds(said, label_of):
     assert find(scores, "gap closed").count == 1
     assert find(scores, "refused").value == pytest.approx(1 / 9)
     assert find(scores, "ECE | all").count == 8, "who refuses gives no probability"
+    assert find(scores, "ECE by chance").count == find(scores, "ECE | no effect").count
     assert [rung.named.count for rung in made.ladder] == [1, 0, 1, 2]
     assert made.ladder[0].noticed.value == 0.0
     assert [row.of for row in made.kinds] == ["rope"]
