@@ -6,6 +6,10 @@ from jaxtyping import Bool, Float, Float64
 from model.types import Array, Observation
 
 LONG_STEP = 0.2
+LONG = 600
+"""Frames of which a diagnosis takes longer than ten minutes."""
+ASLANT = np.pi / 4
+"""Angle [rad] of gravity from downwards beyond which it is no tilted set-up, but another axis that is up."""
 SHORT = 0.3
 """A recording too short [s] to tell forces from noise."""
 FAST = 50.0
@@ -68,6 +72,10 @@ def _time_doubts(times: Float64[Array, " T"]) -> list[str]:
         doubts.append(f"times: {median:.3g} s between frames is too long to see what moves a soft object")
     if span < SHORT:
         doubts.append(f"times: {span:.3g} s are too short to tell forces from noise")
+    if len(times) > LONG:
+        doubts.append(
+            f"times: {len(times)} frames take long to diagnose: a few seconds of motion tell as much"
+        )
     return doubts
 
 
@@ -101,13 +109,21 @@ def _size_doubts(observation: Observation) -> list[str]:
 
 
 def _gravity_doubts(observation: Observation) -> list[str]:
-    gravity = observation.gravity
+    gravity = tuple(float(value) for value in observation.gravity)
     if gravity[2] > 0.0:
         return [f"gravity points up ({gravity[2]:g} m/s² along z): the world is z up"]
     size = float(np.linalg.norm(gravity))
     if size < WEAK:
         return [f"gravity: {size:.3g} m/s² pulls nothing down (9.81 on Earth): an object that hangs needs it"]
+    if aslant(observation):
+        return [f"gravity: {gravity} is far from downwards: is another axis than z up?"]
     return []
+
+
+def aslant(observation: Observation) -> bool:
+    """Whether gravity, where there is any, is further from downwards than a set-up is tilted."""
+    size = float(np.linalg.norm(observation.gravity))
+    return size >= WEAK and -observation.gravity[2] < float(np.cos(ASLANT)) * size
 
 
 def _grip_doubts(observation: Observation) -> list[str]:

@@ -79,6 +79,11 @@ class Submission:
             ]
             if missing:
                 raise ProblemError("bad-input", f"{missing[0]} is missing: send it as the body, or in a form")
+            for name, each in inputs.items():
+                if {name, each.instead} <= upload.files.keys():
+                    raise ProblemError("bad-input", f"{name} and {each.instead} are there: send one of them")
+                if name in upload.files and each.beside and each.beside not in upload.files:
+                    raise ProblemError("bad-input", f"{name} is there without {each.beside}: send both")
             looked_at = {name: (inputs[name].inspection, file.path) for name, file in upload.files.items()}
             suffixes = await front.inspector.inspect(looked_at)
             paths = {name: (file.path, suffixes[name]) for name, file in upload.files.items()}

@@ -8,7 +8,7 @@ from model.errors import InputError
 from model.gap.bodies.first import first_places
 from model.gap.study import HELD_OUT, PATIENCE
 from model.gap.transfer import LOOKED_AT, SETTLING
-from model.observation_doubts import LONG_STEP, SHORT, hangs, object_size
+from model.observation_doubts import LONG_STEP, SHORT, aslant, hangs, object_size
 from model.types import Array, Observation
 
 FRAMES = 12
@@ -50,6 +50,11 @@ def check_diagnosable(observation: Observation, name: str) -> None:
         raise InputError(
             f"{name}: gravity: expected it to point down, found {observation.gravity[2]:g} m/s² along z: "
             "the world is z up, turn points and controllers with it"
+        )
+    if aslant(observation) and observation.ground_height is not None:
+        raise InputError(
+            f"{name}: gravity: expected it to point down onto the ground of constant z, found "
+            f"{observation.gravity}: the world is z up, turn points and controllers with it"
         )
     _check_ground(observation, name)
     if hangs(observation):

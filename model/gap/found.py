@@ -141,6 +141,11 @@ class Found:
                 said.append(
                     f"{effect.name} does not shrink the error on held-out time: it fits, it does not foretell"
                 )
+            other = None if self.there is None else self.there.closure
+            if other is not None and other.with_effect is not None and other.with_effect >= other.refit:
+                said.append(
+                    f"{effect.name} does not shrink the error on the other interaction: doubt the verdict"
+                )
         missing = [name for name in EFFECT_NAMES if name not in self.signs.names]
         if missing:
             names = ", ".join(missing)

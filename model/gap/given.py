@@ -9,7 +9,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from model.bundle import TwinBundle
-from model.formats.parameters import ground_height, scalar
+from model.formats.parameters import gravity, ground_height, scalar
 from model.gap.bodies.body import Body, grip_of
 from model.gap.bodies.guess import guess_shape
 from model.gap.bodies.rest import rest_places
@@ -27,6 +27,8 @@ CORNERS = 8
 """An observed point is between this many mass points."""
 DISTANCE = 1e-2
 """What a weight on a point one spacing away costs, over what being a spacing off costs."""
+GROUND, GRAVITY = 0.01, 0.02
+"""How far [m], and by what share, ground and gravity of a recording may differ from the twin's unsaid."""
 SAME_HAND = 2.0
 """Spacings: controllers that start this near to the twin's are the twin's."""
 
@@ -155,4 +157,18 @@ def _compare_grounds(bundle: TwinBundle, observation: Observation) -> None:
         has, lacks = ("observation", "twin") if own is None else ("twin", "observation")
         warnings.warn(
             f"the {has} has a ground, the {lacks} none: the observation's word counts", stacklevel=3
+        )
+    elif own is not None and other is not None and abs(own - other) > GROUND:
+        warnings.warn(
+            f"the observation's ground is {1e3 * (other - own):+.0f} mm from the twin's: the observation's"
+            " word counts",
+            stacklevel=3,
+        )
+    given, here = np.array(gravity(bundle.parameters)), np.array(observation.gravity)
+    if np.linalg.norm(given - here) > GRAVITY * max(float(np.linalg.norm(given)), 1e-9):
+        told = ", ".join(f"{value:.2f}" for value in here)
+        warnings.warn(
+            f"the observation's gravity ({told} m/s², as the twin stands) is not the twin's: the"
+            " observation's word counts",
+            stacklevel=3,
         )

@@ -21,6 +21,7 @@ from model.gap.world import Sight, World
 from model.gap.wrinkling import SLACKNESS, wrinkling
 from model.schema import EffectRecord
 from model.simulator.build import build_simulator
+from model.simulator.structure import rows
 from model.types import Array, Observation
 
 Values: TypeAlias = Mapping[str, Tensor]
@@ -116,7 +117,8 @@ class Matter:
             start,
             given=False,
             grip_distance=distance,
-            bending_decay=CALM[body.shape],
+            # few points, or several in one place, may have no three in a row
+            bending_decay=CALM[body.shape] if len(rows(body.points, body.springs)) else 0.0,
             slackness=SLACKNESS if body.shape == "sheet" else 0.0,
         )
 
@@ -186,9 +188,8 @@ class PlainTwin:
                 own["reach"] = Quantity("1", (0.1, 1.2), start["reach"])
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
-        if self.matter.slackness:
-            own["bending"] = Quantity("1", (0.03, 3.0), start["bending"], log=True)
         if self.matter.slackness and self.matter.bending_decay:
+            own["bending"] = Quantity("1", (0.03, 3.0), start["bending"], log=True)
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
         for mode in range(0 if self.body.shape == "rope" else MODES):
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)

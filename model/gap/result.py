@@ -1,5 +1,6 @@
 """A diagnosis with all that it was made of, for whoever writes it down."""
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from model.gap.plain import PlainTwin
 from model.gap.report.statement import stated
 from model.gap.schema import GapReport
 from model.gap.taken import Taken
-from model.gap.write_back import twin_of, with_findings
+from model.gap.write_back import cannot_act, twin_of, with_findings
 from model.types import Observation
 
 
@@ -39,9 +40,18 @@ class DiagnosisResult:
         return write_report(self.diagnosis.findings, folder, self.report)
 
     def twin(self) -> TwinBundle | None:
-        """The twin with what was found, or one made of the observation; None: nothing to carry was found."""
+        """The twin with what was found, or one made of the observation.
+
+        None: nothing to carry was found, or what was cannot act in the twin, as a late hand where it has
+        none; a warning says so.
+        """
         if not self.diagnosis.effects:
             return None
         if self.bundle is None:
             return twin_of(self.observation, self.diagnosis, self.plain)
-        return with_findings(self.bundle, self.observation, self.diagnosis)
+        made = with_findings(self.bundle, self.observation, self.diagnosis)
+        why = cannot_act(made)
+        if why is not None:
+            warnings.warn(f"what was found cannot be written into the twin: {why}", stacklevel=2)
+            return None
+        return made

@@ -139,6 +139,8 @@ def _covering(observation: Observation) -> tuple[Int64[Array, " n"], Int64[Array
         there = there if len(there) else np.arange(len(kept))
         tree = cKDTree(observation.points[frame, kept[there]] if seen[frame, kept].any() else places[kept])
         stands_in[new] = there[tree.query(places[new])[1]]
+    # several may be in one place, of which another is as near
+    stands_in[kept] = np.arange(len(kept))
     return kept, stands_in
 
 

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from model.bundle import TwinBundle
+from model.errors import InputError
 from model.formats.parameters import encode_parameters
 from model.gap.bodies.first import first_places
 from model.gap.carried import CATALOGUE, record_of, values_of
@@ -102,14 +103,25 @@ def with_findings(
         fine = given_twin(bundle, observation, len(bundle.topology.points))
     _, became = Graph.of(bundle).within(most)
     found = tuple(_finer(_spread(record, became), coarse, fine) for record in diagnosis.effects)
-    changed = {record.name for record in found}
+    # what was found was fitted on top of a carried effect of its kind, or instead of it
+    changed = {record.name for record in found if not CATALOGUE[record.name].stacks}
     kept = tuple(record for record in bundle.effects if record.name not in changed)
     twin = replace(bundle, effects=(*kept, *found), preview=None)
+    twin = replace(twin, parameters=_there(twin.parameters, fine.observation))
     if diagnosis.fitted is not None:
         mechanics = Mechanics.of(_world(replace(fine, carried=()), diagnosis.fitted, coarse))
         same_hand = np.array_equal(fine.body.grip, bundle.topology.controller_springs)
         twin = _refitted(twin, mechanics, same_hand)
     return replace(twin, manifest=_signed(bundle.manifest, bundle.manifest.id, twin))
+
+
+def cannot_act(twin: TwinBundle) -> str | None:
+    """Why an effect of a twin cannot act in it; None where all can."""
+    try:
+        twin.world(np.arange(2.0))
+    except InputError as error:
+        return str(error)
+    return None
 
 
 def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) -> TwinBundle:
@@ -236,14 +248,19 @@ def _of_the_place(
     """The parameters with all that a bundle has to say: ground, gravity, contact, how zigzags die out."""
     decay = "bending_decay"
     calm = Parameter(plain.matter.bending_decay, "1/s", "prior")
-    own = {
+    own: dict[str, Parameter] = {
         "friction": Parameter(plain.matter.start["friction"], "1", "prior"),
         "restitution": Parameter(plain.matter.restitution, "1", "prior"),
         "collision_distance": Parameter(plain.matter.collision_distance, "m", "prior"),
         decay: Parameter(fitted[decay], "1/s", "fitted") if decay in fitted else calm,
         **parameters.globals,
-        "gravity": Parameter(observation.gravity, "m/s^2", "user"),
     }
+    return _there(replace(parameters, globals=own), observation)
+
+
+def _there(parameters: Parameters, observation: Observation) -> Parameters:
+    """With the gravity of an observation, and its ground where it has one: fits were made there."""
+    own = {**parameters.globals, "gravity": Parameter(observation.gravity, "m/s^2", "user")}
     if observation.ground_height is not None:
         own["ground_height"] = Parameter(observation.ground_height, "m", "user")
     return replace(parameters, globals=own)

@@ -46,6 +46,10 @@ def observe_arrays(arrays: dict[str, Array], name: str, fps: float = FPS) -> Obs
     controllers = _required(arrays, "controller_points", name)
     if points.ndim != 3 or points.shape[2] != 3:
         raise InputError(f"{name}: object_points: expected shape [T, N, 3], found {list(points.shape)}")
+    if controllers.ndim != 3 or controllers.shape[2] != 3:
+        raise InputError(
+            f"{name}: controller_points: expected shape [T, C, 3], found {list(controllers.shape)}"
+        )
     frames = min(len(points), len(controllers))
     seen = _seen(arrays, points.shape[:2], name)
     turned = np.where(seen[..., None], points * TURN, np.nan)[:frames]

@@ -230,6 +230,8 @@ def test_doubts_name_what_is_odd():
     assert "too long" in doubts(times=np.arange(FRAMES) * 1.0)
     assert "it holds none" in doubts(controllers=arrays()["controllers"] + np.float32(1.0))
     assert "gravity points up" in doubts(gravity=[0.0, 0.0, 9.81])
+    assert "is another axis than z up?" in doubts(gravity=[0.0, -9.81, 0.0])
+    assert doubts(gravity=[4.0, 0.0, -9.0]) == "", "a set-up may be tilted"
     assert "gravity: 0 m/s² pulls nothing down" in doubts(gravity=[0.0, 0.0, 0.0])
     large = {key: 20.0 * arrays()[key] for key in ("points", "controllers")}
     assert "is it in centimetres?" in doubts(**large)

@@ -26,7 +26,9 @@ class Input:
     """The module of `worker.inspection` that looks into it first."""
     required: bool = False
     instead: str = ""
-    """Another input of the kind, which may be given in its place."""
+    """Another input of the kind, which may be given in its place, but not beside it."""
+    beside: str = ""
+    """Another input of the kind, without which this one says nothing."""
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ class DiagnosisKind(Kind):
         "observation": Input("observation", required=True, instead="video"),
         "video": Input("video"),
         "transfer": Input("observation"),
-        "mask": Input("image"),
+        "mask": Input("image", beside="video"),
     }
     limit_s: ClassVar[float] = 1800.0
 

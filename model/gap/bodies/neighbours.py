@@ -23,7 +23,8 @@ def farthest_points(places: Float64[Array, "N 3"], apart: float) -> Int64[Array,
 def covering_points(places: Float64[Array, "N 3"], most: int) -> Int64[Array, " n"]:
     """Indices of so many points that cover all as well as they can: each the farthest from those before.
 
-    The first is the one farthest from the middle, so that the order of the points does not matter.
+    Fewer where points are in fewer places: one of each. The first is the one farthest from the middle, so
+    that the order of the points does not matter.
     """
     chosen: list[int] = []
     distance = np.linalg.norm(places - places.mean(0), axis=1)
@@ -32,6 +33,8 @@ def covering_points(places: Float64[Array, "N 3"], most: int) -> Int64[Array, " 
         chosen.append(int(distance.argmax()))
         nearest = np.minimum(nearest, np.linalg.norm(places - places[chosen[-1]], axis=1))
         distance = nearest
+        if not distance.any():
+            break
     return np.array(sorted(chosen), np.int64)
 
 

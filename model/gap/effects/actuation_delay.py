@@ -24,6 +24,7 @@ class ActuationDelay(Effect):
     """
     acts = "hand"
     quantities: ClassVar[Mapping[str, Quantity]] = {"delay": Quantity("s", (-0.4, 0.4), 0.02)}
+    stacks: ClassVar[bool] = True
     absent: ClassVar[Mapping[str, float]] = {"delay": 0.0}
     grid: ClassVar[Grid] = {"delay": (-0.03, 0.03)}
     confused_with: ClassVar[Mapping[str, str]] = {

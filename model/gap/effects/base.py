@@ -56,6 +56,8 @@ class Effect(ABC):
     """Many values of its quantities can be rolled out at once."""
     terms: ClassVar[tuple[type[ForceTerm] | type[ContactTerm], ...]] = ()
     """What it adds to a simulator; the property tests hold them to what they claim."""
+    stacks: ClassVar[bool] = False
+    """In a world that has it already it acts on top of that, not instead of it."""
     confused_with: ClassVar[Mapping[str, str]] = {}
     """Effects that look alike, and the motion that tells them apart."""
 

@@ -22,6 +22,7 @@ class GravityTilt(Effect):
         "about_x": Quantity("rad", (-0.5, 0.5), 0.02),
         "about_y": Quantity("rad", (-0.5, 0.5), 0.02),
     }
+    stacks: ClassVar[bool] = True
     absent: ClassVar[Mapping[str, float]] = {"about_x": 0.0, "about_y": 0.0}
     grid: ClassVar[Grid] = {"about_x": (-0.03, 0.03), "about_y": (-0.03, 0.03)}
     terms = (Gravity,)

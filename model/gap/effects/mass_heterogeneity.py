@@ -31,6 +31,7 @@ class MassHeterogeneity(Effect):
         "z": Quantity("1", (-0.1, 1.1), 0.5),
         "radius": Quantity("1", (0.05, 0.5), 0.25, log=True),
     }
+    stacks: ClassVar[bool] = True
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
     grid: ClassVar[Grid] = {"x": (0.15, 0.85), "y": (0.15, 0.85), "z": (0.15, 0.85)}
     confused_with: ClassVar[Mapping[str, str]] = {

@@ -31,9 +31,11 @@ def title(report: GapReport) -> str:
         return "Nothing is missing" if sure else "Likeliest: nothing is missing"
     if report.verdict.effect == "unknown":
         return "Something unknown is missing" if sure else "Likeliest: something unknown is missing"
-    names = [plain(report.verdict.effect), *(plain(name) for name in companions(report))]
+    alike = companions(report)
+    names = [plain(report.verdict.effect), *(plain(name) for name in alike)]
     missing = listed(names, "or") if report.verdict.second is None else str(added(report))
-    return f"Missing: {missing}"
+    chance = sum(report.finding(name).probability for name in alike) + report.verdict.probability
+    return f"Missing: {missing}" if chance >= LIKELY else f"Likeliest to be missing: {missing}"
 
 
 def _tuning(report: GapReport) -> str:

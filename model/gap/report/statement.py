@@ -68,7 +68,10 @@ def _shrinkage(report: GapReport) -> str:
     if gap.closed_fraction is None:
         return (
             f"{text}; the gap is too small against noise ({millimetres(gap.noise_floor)}) to say what share"
+            f"{_elsewhere(report)}"
         )
+    if gap.closed_fraction <= 0.0:
+        return f"{text}, which closes nothing of the reducible gap{_elsewhere(report)}"
     share = f"{percent(gap.closed_fraction)} of the reducible gap"
     if gap.closed_fraction_ci95 is not None:
         share += f" (95 % interval {percent_range(gap.closed_fraction_ci95)})"
@@ -77,8 +80,13 @@ def _shrinkage(report: GapReport) -> str:
 
 def _elsewhere(report: GapReport) -> str:
     other = report.gap.transfer
-    if other is None or other.closed_fraction is None:
+    if other is None or other.with_effect is None:
         return ""
+    if other.with_effect >= other.refit:
+        change = f"{millimetres(other.refit)} to {millimetres(other.with_effect)}"
+        return f"; on the other interaction it helps nothing ({change})"
+    if other.closed_fraction is None:
+        return "; on the other interaction the gap is too small against noise to say"
     return f", and {percent(other.closed_fraction)} on the other interaction"
 
 

@@ -87,6 +87,10 @@ def test_what_is_healthy_is_let_through(seen):
         (lambda o: sparse(o, frames=slice(0, 11)), "seen in at least 12 frames to diagnose, found 11 such"),
         (lambda o: replace(o, gravity=(0.0, 0.0, 9.81)), "gravity: expected it to point down, found 9.81"),
         (
+            lambda o: replace(o, gravity=(0.0, -9.81, 0.0), ground_height=0.0),
+            "gravity: expected it to point down onto the ground of constant z, found (0.0, -9.81, 0.0)",
+        ),
+        (
             lambda o: replace(o, ground_height=2.0),
             "ground_height: expected a ground under the object, found 2 m",
         ),

@@ -139,6 +139,14 @@ def test_many_points_are_told_by_some_that_cover_the_object(dense):
     assert own[taken.stands_in == 7].sum() == pytest.approx(before.points[7])
 
 
+def test_points_in_one_place_lose_nothing(seen):
+    points = np.repeat(seen.points, 10, axis=1)
+    with pytest.warns(UserWarning, match="640 points are more than a diagnosis can look at"):
+        taken = Taken.of(replace(seen, points=points), "o.npz")
+    assert sum(taken.report(found(taken)).where.points) == pytest.approx(1.0)
+    np.testing.assert_array_equal(taken.stands_in[taken.kept], np.arange(len(taken.kept)))
+
+
 def test_the_order_of_many_points_does_not_matter(dense):
     order = np.random.default_rng(0).permutation(1600)
     points = dense.points + np.random.default_rng(1).normal(0, 1e-3, dense.points.shape).astype(np.float32)

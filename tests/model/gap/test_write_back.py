@@ -6,14 +6,15 @@ import torch
 
 from model.bundle import TwinBundle
 from model.gap.bodies.body import body_of
-from model.gap.carried import record_of
+from model.gap.carried import CATALOGUE, record_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects import BendingStiffness, QuadraticAirDrag, SelfContact, SteadyWind
 from model.gap.given import given_twin
 from model.gap.hypothesis import Hypothesis
 from model.gap.plain import MASS, PlainTwin
+from model.gap.result import DiagnosisResult
 from model.gap.slight_bending import slight_bending
-from model.gap.write_back import twin_of, with_findings
+from model.gap.write_back import cannot_act, twin_of, with_findings
 from model.simulator.structure import rows, spans
 from model.types import Observation, Parameter
 
@@ -114,6 +115,47 @@ class TestGiven:
         np.testing.assert_array_equal(
             new.parameters.controller_stiffness, twin.parameters.controller_stiffness
         )
+
+    @pytest.mark.parametrize(
+        ("name", "values"),
+        [
+            ("gravity_tilt", {"about_x": 0.2, "about_y": 0.0}),
+            ("mass_heterogeneity", {"excess": 1.0, "x": 0.5, "y": 0.5, "z": 0.5, "radius": 0.3}),
+            ("actuation_delay", {"delay": 0.05}),
+            ("quadratic_air_drag", {"drag_per_mass": 1.0}),
+        ],
+    )
+    def test_what_is_carried_already_acts_as_it_was_fitted(self, twin, seen, found, name, values):
+        """On top of the carried effect or instead of it: as a world of the fit has it."""
+        effect = CATALOGUE[name]
+        old = replace(twin, effects=(record_of(effect, values),))
+        plain = given_twin(old, seen)
+        with torch.no_grad():
+            start = {n: torch.tensor(v).double() for n, v in starts(plain).items()}
+            own = {n: torch.tensor(v).double() for n, v in values.items()}
+            expected = effect().apply(plain.world(start), own).rollout(substeps=200).points.numpy()
+        new = with_findings(old, seen, Diagnosis(found(seen), (record_of(effect, values),), starts(plain)))
+        np.testing.assert_allclose(new.rollout(substeps=200).points, expected, atol=1e-5)
+
+    def test_the_place_is_that_of_the_recording(self, twin, seen, found):
+        """Effects were fitted under its gravity and over its ground, and are nothing elsewhere."""
+        tilted = replace(seen, gravity=(0.0, 1.7, -9.66), ground_height=-1.0)
+        with pytest.warns(UserWarning, match="the observation's word counts"):
+            given_twin(twin, tilted)
+        new = with_findings(twin, tilted, Diagnosis(found(seen), (DRAG,)))
+        assert new.parameters.globals["gravity"].value == pytest.approx((0.0, 1.7, -9.66), abs=1e-6)
+        assert new.parameters.globals["ground_height"].value == pytest.approx(-1.0, abs=1e-6)
+        stuck = record_of(CATALOGUE["adhesion"], {"pull_per_mass": 50.0, "reach": 0.01})
+        assert cannot_act(with_findings(twin, tilted, Diagnosis(found(seen), (stuck,)))) is None
+        assert "there is no ground" in str(
+            cannot_act(with_findings(twin, seen, Diagnosis(found(seen), (stuck,))))
+        )
+
+    def test_what_cannot_act_in_the_twin_is_not_written(self, twin, seen, found):
+        stuck = record_of(CATALOGUE["adhesion"], {"pull_per_mass": 50.0, "reach": 0.01})
+        result = DiagnosisResult(Diagnosis(found(seen), (stuck,)), seen, given_twin(twin, seen), twin)
+        with pytest.warns(UserWarning, match="cannot be written into the twin: .*there is no ground"):
+            assert result.twin() is None
 
 
 class TestMade:

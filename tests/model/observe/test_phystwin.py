@@ -61,6 +61,12 @@ def test_hidden_and_invalid_points_are_not_seen(tmp_path: Path):
         ({"object_points": None}, "object_points: expected an array of numbers, found no such key"),
         ({"controller_points": None}, "controller_points: expected an array of numbers, found no such key"),
         ({"object_points": np.zeros((3, 3))}, "object_points: expected shape [T, N, 3], found [3, 3]"),
+        (
+            {"controller_points": np.zeros((8, 4))},
+            "controller_points: expected shape [T, C, 3], found [8, 4]",
+        ),
+        ({"controller_points": np.zeros((8, 4, 2))}, "controller_points: expected shape [T, C, 3], found"),
+        ({"controller_points": np.array(1.0)}, "controller_points: expected shape [T, C, 3], found []"),
         ({"object_visibilities": np.ones((FRAMES, 2))}, "object_visibilities: expected shape [8, 5]"),
         ({"object_colors": np.ones((2, 3))}, "object_colors: expected shape [T, 5, 3], found [2, 3]"),
         ({"object_points": case()["object_points"] * 1000}, "points: expected an object of 0.001 to 10 m"),

@@ -57,6 +57,20 @@ def test_neither_is_refused(http, twin, observation):
 
 
 @pytest.mark.parametrize(
+    ("names", "line"),
+    [
+        (("observation", "video"), "observation and video are there: send one of them"),
+        (("observation", "mask"), "mask is there without video: send both"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(http, twin, observation, clip, names, line):
+    files = {name: observation if name == "observation" else clip for name in names}
+    answer = http.post(f"/twins/{twin}/diagnoses", files=files)
+    assert answer.status_code == 422
+    assert answer.json()["detail"] == line
+
+
+@pytest.mark.parametrize(
     ("damage", "status", "line"),
     [
         (lambda seen: b"text", 415, "not a NPZ file"),

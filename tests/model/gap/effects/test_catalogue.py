@@ -47,6 +47,17 @@ def test_the_contract_names_them():
 
 
 @every_effect
+def test_says_whether_it_acts_on_top_of_itself(kind, block):
+    """Twice there, what stacks moves otherwise than once; what does not moves the same, exactly."""
+    effect, values = kind(), strong(kind())
+    with torch.no_grad():
+        once = effect.apply(block, values)
+        twice = effect.apply(once, values)
+        same = torch.equal(once.rollout(substeps=80).points, twice.rollout(substeps=80).points)
+    assert same != kind.stacks
+
+
+@every_effect
 def test_documents_itself(kind):
     assert kind.__doc__
     assert "Reference:" in kind.source

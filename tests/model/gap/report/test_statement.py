@@ -64,6 +64,7 @@ def test_nor_is_a_class(alike):
     assert statement(unsure).startswith(
         "Wind or gravity tilt is the likeliest thing that the twin lacks (40 % sure)"
     )
+    assert title(unsure) == "Likeliest to be missing: wind or gravity tilt"
 
 
 def test_unknown_tells_what_the_best_known_effect_leaves(unknown):
@@ -83,6 +84,30 @@ def test_a_gap_within_noise_gets_no_share(report):
 def test_an_error_that_grows_does_not_fall(report):
     gap = report.gap.model_copy(update={"with_effect": 2 * report.gap.refit, "closed_fraction": None})
     assert " goes from " in statement(report.model_copy(update={"gap": gap}))
+
+
+def test_what_closes_nothing_is_said_to_close_nothing(report):
+    gap = report.gap.model_copy(update={"with_effect": 1.2 * report.gap.refit, "closed_fraction": -0.25})
+    text = statement(report.model_copy(update={"gap": gap}))
+    assert "which closes nothing of the reducible gap" in text
+    assert "−" not in text
+
+
+@pytest.mark.parametrize(
+    ("with_effect", "closed", "says"),
+    [
+        (0.030, None, "; on the other interaction it helps nothing (10.0 mm to 30.0 mm)"),
+        (0.012, -0.2, "; on the other interaction it helps nothing (10.0 mm to 12.0 mm)"),
+        (0.009, None, "; on the other interaction the gap is too small against noise to say"),
+        (0.004, 0.7, ", and 70 % on the other interaction"),
+    ],
+)
+def test_the_other_interaction_is_never_left_out(alike, with_effect, closed, says):
+    other = alike.report.gap.transfer.model_copy(
+        update={"refit": 0.010, "with_effect": with_effect, "closed_fraction": closed}
+    )
+    gap = alike.report.gap.model_copy(update={"transfer": other})
+    assert says in statement(alike.report.model_copy(update={"gap": gap}))
 
 
 @pytest.mark.parametrize("case", ["findings", "alike", "nothing", "unknown"])
