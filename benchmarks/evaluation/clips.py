@@ -26,7 +26,7 @@ def mean(own: dict[tuple[str, str], float]) -> Interval | None:
 
 def said(figure: Interval | None) -> str:
     """As in a table."""
-    return "–" if figure is None else f"{figure.value:.1f} [{figure.low:.1f}, {figure.high:.1f}]"
+    return "–" if figure is None else figure.shown(1)
 
 
 def main() -> None:

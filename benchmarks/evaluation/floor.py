@@ -70,9 +70,9 @@ def line(name, own, true):
     logs = [{key: float(np.log(max(each[key], LEAST))) for key in own} for each in (true, own)]
     ratio = mean_difference(*logs)
     cells = [name, str(len(own))]
-    cells.append(f"{1e3 * mean.value:.1f} [{1e3 * mean.low:.1f}, {1e3 * mean.high:.1f}]")
+    cells.append(mean.scaled(1e3).shown(1))
     cells.append(f"{1e3 * float(np.median(list(own.values()))):.1f}")
-    cells.append("{:.2f} [{:.2f}, {:.2f}]".format(*np.exp([ratio.value, ratio.low, ratio.high])))
+    cells.append(ratio.of_each(np.exp).shown(2))
     return f"| {' | '.join(cells)} |"
 
 

@@ -147,6 +147,8 @@ def _plan(data: Path, options: Mapping[str, Any]) -> "Plan":
     from model.evaluation.methods import chosen
     from model.evaluation.run import Plan
 
+    if options["lpips"] is not None and not options["pictures"]:
+        raise InputError("--lpips compares pictures, and --no-pictures says not to: give one of them")
     return Plan(
         data=data,
         methods=chosen(options["methods"]),

@@ -14,28 +14,44 @@ from model.types import Array
 
 DRAWS = 1000
 LEVEL = 0.95
+FEWEST = 5
+"""Objects. Fewer hardly differ between draws: one alone would be certain, and any difference decided."""
 Group = TypeVar("Group")
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure with its 95 % interval."""
+    """A figure with its 95 % interval; without, where fewer than `FEWEST` objects tell how sure it is."""
 
     value: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
     objects: int
     """That it rests on."""
 
+    def of_each(self, function: Callable[[float], float]) -> "Interval":
+        """The same by another measure, which rises with this one."""
+        low, high = (None if end is None else function(end) for end in (self.low, self.high))
+        return Interval(function(self.value), low, high, self.objects)
+
     def scaled(self, factor: float) -> "Interval":
         """The same in another unit; `factor` is positive."""
-        return Interval(self.value * factor, self.low * factor, self.high * factor, self.objects)
+        return self.of_each(lambda value: value * factor)
+
+    def shown(self, digits: int) -> str:
+        """As `1.0 [0.8, 1.3]`; without an interval the value alone."""
+        value = f"{self.value:.{digits}f}"
+        if self.low is None or self.high is None:
+            return value
+        return f"{value} [{self.low:.{digits}f}, {self.high:.{digits}f}]"
 
 
 def interval(
     groups: Sequence[Group], statistic: Callable[[Sequence[Group]], float], seed: int = 0
 ) -> Interval | None:
     """A statistic of groups and its percentile interval over draws of groups with replacement.
+
+    Not for spreads, which groups that were drawn twice make too small: see `model/evaluation/jackknife.py`.
 
     Args:
         groups: One per object.
@@ -89,6 +105,8 @@ def mean_difference(
 
 def _percentiles(value: float, draws: Float64[Array, " n"], objects: int) -> Interval:
     known = draws[np.isfinite(draws)]
+    if objects < FEWEST or not len(known):
+        return Interval(value, None, None, objects)
     tail = (1.0 - LEVEL) / 2.0
-    low, high = np.quantile(known, [tail, 1.0 - tail]) if len(known) else (value, value)
+    low, high = np.quantile(known, [tail, 1.0 - tail])
     return Interval(value, float(low), float(high), objects)

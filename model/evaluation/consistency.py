@@ -6,7 +6,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from model.evaluation.bootstrap import Interval, interval
+from model.evaluation.bootstrap import Interval
+from model.evaluation.jackknife import spread_interval
 from model.evaluation.records import PartRecord, Record
 
 Labelled: TypeAlias = list[tuple[str, float]]
@@ -28,7 +29,7 @@ class Consistency:
     """Of ln modulus of the same part of the same object, over the clips that it was fitted to."""
 
 
-def consistency(records: Sequence[Record], seed: int = 0) -> Consistency:
+def consistency(records: Sequence[Record]) -> Consistency:
     """Spreads over the records of one method, with intervals over objects."""
 
     def spread(
@@ -40,23 +41,23 @@ def consistency(records: Sequence[Record], seed: int = 0) -> Consistency:
                 number = value(part)
                 if number is not None:
                     groups.setdefault(record.object_name, []).append((label(part), number))
-        return interval([groups[name] for name in sorted(groups)], _within, seed)
+        return spread_interval([groups[name] for name in sorted(groups)], _within)
 
     return Consistency(
         over_scenes=spread(lambda part: part.material, lambda part: part.log_estimate),
         truth_over_scenes=spread(lambda part: part.material, lambda part: part.log_truth),
         error_over_scenes=spread(lambda part: part.material, _error),
-        over_interactions=_over_interactions(records, seed),
+        over_interactions=_over_interactions(records),
     )
 
 
-def _over_interactions(records: Sequence[Record], seed: int) -> Interval | None:
+def _over_interactions(records: Sequence[Record]) -> Interval | None:
     groups: dict[str, Labelled] = {}
     for record in records:
         for part in record.parts:
             one = (f"{record.object_name} {part.part}", part.log_estimate)
             groups.setdefault(record.object_name, []).append(one)
-    return interval([groups[name] for name in sorted(groups)], _within, seed)
+    return spread_interval([groups[name] for name in sorted(groups)], _within)
 
 
 def _error(part: PartRecord) -> float | None:

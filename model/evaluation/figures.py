@@ -87,7 +87,9 @@ def errors(of: Records, settings: Sequence[Setting]) -> Figure:
             found = mean_interval(by_object(values(records, setting, "track")))
             if found is not None:
                 figure_mm = found.scaled(1e3)
-                wide = [[figure_mm.value - figure_mm.low], [figure_mm.high - figure_mm.value]]
+                wide = None
+                if figure_mm.low is not None and figure_mm.high is not None:
+                    wide = [[figure_mm.value - figure_mm.low], [figure_mm.high - figure_mm.value]]
                 axes.errorbar(figure_mm.value, row, xerr=wide, fmt="o", color=_colour(of, name), capsize=3)
         axes.set_title(fill(TITLES[setting], TITLE), fontsize=SMALL)
         axes.set_xlabel("track error [mm]", fontsize=SMALL)

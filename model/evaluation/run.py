@@ -139,10 +139,16 @@ def _chosen(groups: dict[str, list[IndexEntry]], limit: int | None) -> list[str]
 
 def _key(plan: Plan, source: str, name: str, entry: IndexEntry, others: Sequence[IndexEntry]) -> str:
     told = "given" if plan.opinion is None else f"{plan.opinion} {plan.seed}"
-    pictures = f"{plan.pictures} {plan.lpips}"
+    pictures = f"{plan.pictures} {None if plan.lpips is None else _weights(plan.lpips)}"
     who = [name, plan.methods[name].identity()]
     content = [VERSION, *who, source, told, pictures, entry.sha256, *(other.sha256 for other in others)]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:24]
+
+
+def _weights(folder: Path) -> str:
+    """Of LPIPS, by what they are: the same elsewhere are the same."""
+    files = sorted(folder.glob("*.pth"))
+    return hashlib.sha256(b"".join(hashlib.sha256(file.read_bytes()).digest() for file in files)).hexdigest()
 
 
 def _number(name: str) -> int:

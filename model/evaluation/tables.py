@@ -114,19 +114,15 @@ def csv_text(made: Iterable[Table]) -> str:
     heads = ("table", "method", "column", "value", "low", "high", "objects")
     writer.writerow(heads)
     for entry in as_plain(made):
-        numbers = {name: f"{entry[name]:.6g}" for name in ("value", "low", "high")}
+        known = {name: entry[name] for name in ("value", "low", "high") if entry[name] is not None}
+        numbers = {name: f"{value:.6g}" for name, value in known.items()}
         writer.writerow([(entry | numbers)[head] for head in heads])
     return buffer.getvalue()
 
 
 def shown(cell: Cell) -> str:
     """Value and interval, or a dash."""
-    if cell.figure is None:
-        return "–"
-    value, low, high = (
-        f"{n:.{cell.digits}f}" for n in (cell.figure.value, cell.figure.low, cell.figure.high)
-    )
-    return f"{value} [{low}, {high}]"
+    return "–" if cell.figure is None else cell.figure.shown(cell.digits)
 
 
 def scores_of(record: Record, setting: Setting) -> dict[str, Scores]:
@@ -293,7 +289,9 @@ def _cost(of: dict[str, list[Record]]) -> Table:
 
 
 def _seconds(records: Iterable[Record], field: str) -> dict[str, list[float]]:
+    """By object; what failed took no time that says anything."""
     groups: dict[str, list[float]] = {}
     for record in records:
-        groups.setdefault(record.object_name, []).append(float(getattr(record, field)))
+        if record.failed is None:
+            groups.setdefault(record.object_name, []).append(float(getattr(record, field)))
     return groups

@@ -37,7 +37,7 @@ class Calibration:
     drag_rate: float = 1.0
     friction: float = 1.0
     restitution: float = 1.0
-    cases: float = 0.0
+    looks: float = 0.0
     """Looks at cases that it rests on."""
 
     def as_dict(self) -> dict[str, float]:
@@ -70,12 +70,12 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
     """
     network.eval()
     device = network.part_scale.device
-    found, cases = list[Deviations](), 0
+    found, looks = list[Deviations](), 0
     with torch.no_grad():
         for batch in batches:
             here = batch.to(device)
             found.append(deviations(network(here.sample), here))
-            cases += len(batch)
+            looks += len(batch)
     if not found:
         return Calibration()
     values = torch.cat([each.globals for each in found])
@@ -85,7 +85,7 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
         parts * float(network.part_scale),
         network.global_scale.cpu().numpy() * np.array(list(others.values()), np.float32),
     )
-    return Calibration(parts=parts, cases=float(cases), **others)
+    return Calibration(parts=parts, looks=float(looks), **others)
 
 
 def _temperature(found: Tensor) -> float:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,10 +22,10 @@ SCHEMA = "matphys.predictor/1"
 KEY = "matphys"
 """The one entry of the file's metadata: JSON."""
 LEFT_OUT = "left out"
-"""Entry of `About.data`: names of the objects of the folder that training never looked at, by spaces."""
+"""Entry of `About.data`: `names_text` of the objects of the folder that training never looked at."""
 KNOWN = "known"
-"""Entry of `About.data`: names of the objects that training looked at, by spaces, where they do not follow
-from the seed and how many there are."""
+"""Entry of `About.data`: `names_text` of the objects that training looked at, where they do not follow from
+the seed and how many there are."""
 LARGEST = 200_000_000
 """Bytes; ours have a few million."""
 
@@ -59,6 +59,17 @@ class About(BaseModel):
     """The configuration file of the training."""
 
 
+def names_text(names: Iterable[str]) -> str:
+    """Names of objects, which may have spaces, as one entry of `About.data`."""
+    return json.dumps(sorted(names), ensure_ascii=False)
+
+
+def _names(entry: object) -> frozenset[str]:
+    """What `names_text` wrote; versions before this one wrote names without spaces, by spaces."""
+    text = str(entry or "")
+    return frozenset(json.loads(text) if text.startswith("[") else text.split())
+
+
 @dataclass(frozen=True)
 class Trained:
     """A predictor that was trained: what `load_predictor` reads."""
@@ -72,7 +83,7 @@ class Trained:
     @property
     def left_out(self) -> frozenset[str]:
         """Names of the objects of its folder that training never looked at."""
-        return frozenset(str(self.about.data.get(LEFT_OUT) or "").split())
+        return _names(self.about.data.get(LEFT_OUT))
 
     def leaves_out(self, object_name: str) -> bool:
         """Whether the object, under this name or that of another recording of it, was left out."""
@@ -94,7 +105,7 @@ class Trained:
         if data.get("index") == index:
             return True
         if data.get(KNOWN):
-            return object_group(object_name) in map(object_group, str(data[KNOWN]).split())
+            return object_group(object_name) in map(object_group, _names(data[KNOWN]))
         made, count = GeneratedName.read(object_name), int(data.get("objects") or 0) + len(self.left_out)
         return made is not None and made.seed == data.get("seed") and made.number < count
 

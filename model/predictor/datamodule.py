@@ -14,7 +14,7 @@ from model.encoders.kinematic import KinematicEncoder
 from model.encoders.motion import MotionEncoder
 from model.errors import InputError
 from model.predictor.batches import Batch, Example, make_batch, true_values
-from model.predictor.checkpoint import KNOWN, LEFT_OUT
+from model.predictor.checkpoint import KNOWN, LEFT_OUT, names_text
 from model.predictor.geometry import Geometry, describe_geometry
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.motion_store import read_motion, store_motion
@@ -40,6 +40,18 @@ class Opinions:
     uniform: float = 0.25
     wrong: float = 0.25
     wrong_probability: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Refuse what is no share.
+
+        Raises:
+            InputError: see the message.
+        """
+        shares = {"right": self.right, "uniform": self.uniform, "wrong": self.wrong}
+        if min(shares.values()) < 0.0 or not sum(shares.values()) > 0.0:
+            raise InputError(f"data.opinions: {shares}: expected none below 0, and not all 0")
+        if not 0.0 <= self.wrong_probability <= 1.0:
+            raise InputError(f"data.opinions.wrong_probability is {self.wrong_probability}: expected 0 to 1")
 
     def draw(self, rng: np.random.Generator) -> Opinion:
         """One of the three."""
@@ -178,6 +190,9 @@ class CaseDataModule(LightningDataModule):
         super().__init__()
         if not 0.0 < validation_share < 1.0:
             raise InputError(f"data.validation_share is {validation_share}: expected a share between 0 and 1")
+        for name, count in (("batch_size", batch_size), ("workers", workers)):
+            if count < 1:
+                raise InputError(f"data.{name} is {count}: expected 1 or more")
         self.folder, self.test_folder = folder, test_folder
         self.encoder = encoder or KinematicEncoder()
         self.motion_dim, self.motion_global_dim = self.encoder.dim, self.encoder.global_dim
@@ -256,8 +271,8 @@ class CaseDataModule(LightningDataModule):
             "cases": len(known),
             "objects": len({object_group(name) for name in names}),
             "index": hashlib.sha256((self.folder / INDEX).read_bytes()).hexdigest(),
-            **({LEFT_OUT: " ".join(apart)} if apart else {}),
-            **({} if _first_of(index.seed, every) else {KNOWN: " ".join(sorted(names))}),
+            **({LEFT_OUT: names_text(apart)} if apart else {}),
+            **({} if _first_of(index.seed, every) else {KNOWN: names_text(names)}),
         }
 
     def fixed_looks(self) -> list[Look]:

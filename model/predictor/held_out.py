@@ -93,8 +93,11 @@ class HeldOut:
         if self._motions:
             found["diverged"] = float(np.mean([judged.diverged for judged in self._motions]))
             for name in ("track", "chamfer", "past", "future"):
-                found[name] = float(np.nanmean([getattr(judged, name) for judged in self._motions]))
-            found["loss"] += weights.track * found["track"] + weights.chamfer * found["chamfer"]
+                values = np.array([getattr(judged, name) for judged in self._motions])
+                if np.isfinite(values).any():
+                    found[name] = float(np.nanmean(values))
+            moved = {"track": weights.track, "chamfer": weights.chamfer}
+            found["loss"] += sum(weight * found.get(name, 0.0) for name, weight in moved.items())
         return found
 
 

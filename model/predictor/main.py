@@ -82,6 +82,9 @@ class Export(Callback):
             state = torch.load(best.best_model_path, weights_only=True, map_location="cpu")
             pl_module.load_state_dict(state["state_dict"])
             figures = state["figures"]
+            epochs, steps = state["epoch"] + 1, state["global_step"]
+        else:
+            epochs, steps = trainer.current_epoch, trainer.global_step
         calibration = calibrate(pl_module.network, data.held_out())
         about = About(
             schema="matphys.predictor/1",
@@ -92,7 +95,7 @@ class Export(Callback):
             encoder_version=data.encoder.version,
             encoder_weights=data.encoder.weights,
             data=data.origin(),
-            training={"epochs": trainer.current_epoch, "steps": trainer.global_step, "seed": pl_module.seed},
+            training={"epochs": epochs, "steps": steps, "seed": pl_module.seed},
             validation={name.removeprefix("val/"): value for name, value in figures.items()},
             calibration=calibration.as_dict(),
             config=self._config,
@@ -121,6 +124,20 @@ class KeepFigures(Callback):
     ) -> None:
         """Add them."""
         checkpoint["figures"] = _figures(trainer)
+
+
+class BestMoved(ModelCheckpoint):
+    """The best of the epochs that learned from rollouts; of all, where a training has no such epochs.
+
+    Before those nothing was learned through the simulator, whatever validation says.
+    """
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Write it where it is the best."""
+        assert isinstance(pl_module, PredictorModule)
+        rollouts, epochs = pl_module.rollouts, trainer.max_epochs or 1
+        if rollouts.horizon(trainer.current_epoch, epochs) or not rollouts.horizon(epochs - 1, epochs):
+            super().on_train_epoch_end(trainer, pl_module)
 
 
 class WriteParameters(Callback):
@@ -176,6 +193,12 @@ class TrainingCLI(LightningCLI):
         Raises:
             InputError: there is no such checkpoint, it is none, or there is no network that was trained.
         """
+        epochs = self._get(self.config, "trainer.max_epochs")
+        if epochs is not None and epochs < 0:
+            raise InputError(
+                f"trainer.max_epochs is {epochs}: expected 0 or more: the learning rate falls, and rollouts "
+                "grow, over a number of epochs that is known"
+            )
         path = self._get(self.config, "ckpt_path")
         if path in NEWEST:
             path = _newest(Path(self._get(self.config, "out")), path)
@@ -295,7 +318,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _every_epoch(folder: Path, name: str, monitor: str | None = None) -> ModelCheckpoint:
     """After every epoch write NAME.ckpt; with a monitor, where that is less than it ever was."""
     # not its save_last, which writes nothing in an epoch that is not the best
-    return ModelCheckpoint(
+    kind = ModelCheckpoint if monitor is None else BestMoved
+    return kind(
         dirpath=folder,
         filename=name,
         monitor=monitor,

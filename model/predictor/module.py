@@ -46,6 +46,21 @@ class Rollouts:
     last_horizon: int = 40
     validated: int = 24
 
+    def __post_init__(self) -> None:
+        """Refuse what cannot be rolled out.
+
+        Raises:
+            InputError: see the message.
+        """
+        for name in ("warm_up", "per_batch", "validated"):
+            if getattr(self, name) < 0:
+                raise InputError(f"model.rollouts.{name} is {getattr(self, name)}: expected 0 or more")
+        if not 2 <= self.first_horizon <= self.last_horizon:
+            raise InputError(
+                f"model.rollouts: first_horizon is {self.first_horizon}, last_horizon {self.last_horizon}: "
+                "expected 2 or more, the last no less than the first"
+            )
+
     def horizon(self, epoch: int, epochs: int) -> int:
         """Frames to go in this epoch of so many; 0: no rollouts."""
         if not self.per_batch or epoch < self.warm_up:

@@ -31,6 +31,20 @@ class NetworkOptions:
     motion: bool = True
     geometry: bool = True
 
+    def __post_init__(self) -> None:
+        """Refuse what no network can be.
+
+        Raises:
+            InputError: see the message.
+        """
+        for name in ("dim", "layers", "heads"):
+            if getattr(self, name) < 1:
+                raise InputError(f"model.network.{name} is {getattr(self, name)}: expected 1 or more")
+        if self.dim % self.heads:
+            raise InputError(f"model.network.heads is {self.heads}: expected a divisor of dim, {self.dim}")
+        if not 0.0 <= self.dropout < 1.0:
+            raise InputError(f"model.network.dropout is {self.dropout}: expected 0 or more, below 1")
+
     def build(self, motion_dim: int, motion_global_dim: int) -> PredictorNetwork:
         """An untrained network for these widths of motion features (per point, per clip)."""
         return PredictorNetwork(

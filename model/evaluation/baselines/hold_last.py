@@ -20,7 +20,7 @@ class HoldLast(Method):
     """
 
     name: ClassVar[str] = "hold-last"
-    version: ClassVar[str] = "2"
+    version: ClassVar[str] = "3"
 
     def fit(self, case: Case) -> "Held":
         """Remember the shape last seen."""

@@ -5,10 +5,22 @@ from model.evaluation.bootstrap import interval, mean_difference, mean_interval
 
 
 def test_the_mean_is_over_objects_and_not_over_clips():
-    found = mean_interval({"a": [1.0] * 10, "b": [3.0]})
+    found = mean_interval({"a": [1.0] * 10, "b": [3.0], "c": [2.0], "d": [2.0], "e": [2.0]})
     assert found.value == pytest.approx(2.0)
-    assert found.objects == 2
-    assert (found.low, found.high) == (1.0, 3.0)
+    assert found.objects == 5
+    assert 1.0 <= found.low < 2.0 < found.high <= 3.0
+
+
+def test_few_objects_do_not_say_how_sure_a_figure_is():
+    alone = mean_interval({"a": [1.0, 2.0]})
+    assert (alone.value, alone.low, alone.high, alone.objects) == (1.5, None, None, 1)
+    assert alone.shown(1) == "1.5"
+    assert alone.scaled(2.0).shown(1) == "3.0"
+    one = mean_difference({("a", "c"): 1.0}, {("a", "c"): 1.001})
+    assert one.low is None, "one pair decides nothing"
+    values = {name: [float(k)] for k, name in enumerate("abcde")}
+    assert mean_interval(dict(list(values.items())[:4])).low is None
+    assert mean_interval(values).shown(1).startswith("2.0 [")
 
 
 def test_clips_of_one_object_do_not_make_a_figure_surer():
@@ -46,12 +58,14 @@ def test_nothing_says_nothing():
 
 def test_draws_that_say_nothing_do_not_count():
     def spread(groups):
-        return float(np.std(groups)) if len(set(groups)) > 1 else float("nan")
+        return float(np.ptp(groups)) if {1.0, 2.0} <= set(groups) else float("nan")
 
-    found = interval([1.0, 2.0], spread)
-    assert (found.value, found.low, found.high) == (0.5, 0.5, 0.5)
+    found = interval([1.0, 1.0, 1.0, 2.0, 2.0], spread)
+    assert (found.value, found.low, found.high) == (1.0, 1.0, 1.0)
 
 
 def test_another_unit():
-    found = mean_interval({"a": [1.0], "b": [3.0]}).scaled(1e3)
-    assert (found.value, found.low, found.high, found.objects) == (2000.0, 1000.0, 3000.0, 2)
+    found = mean_interval({name: [1.0 + 2.0 * (k % 2)] for k, name in enumerate("abcdef")})
+    other = found.scaled(1e3)
+    assert (other.value, other.objects) == (2000.0, 6)
+    assert (other.low, other.high) == (1e3 * found.low, 1e3 * found.high)

@@ -8,7 +8,7 @@ from model.encoders import KinematicEncoder
 from model.errors import InputError
 from model.evaluation.matphys import MatPhysMethod
 from model.evaluation.protocol import Task, judge
-from model.predictor.checkpoint import About, load_predictor, save_predictor
+from model.predictor.checkpoint import About, load_predictor, names_text, save_predictor
 from model.predictor.options import NetworkOptions
 
 
@@ -85,6 +85,12 @@ def test_an_object_it_was_trained_on_is_known(checkpoint, object_cases):
             {"seed": None, "known": "single_lift_sloth cup_1", "left out": "single_lift_rope"},
             ["double_lift_sloth", "cup_1"],
             ["single_push_rope_4", "cup_2"],
+        ),
+        # names with spaces
+        (
+            {"known": names_text(["red mug", "blue bear"]), "left out": names_text(["old sock"])},
+            ["red mug", "blue bear"],
+            ["red", "mug blue", "old sock"],
         ),
     ],
 )

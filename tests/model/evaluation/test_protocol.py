@@ -66,6 +66,7 @@ def test_what_peeks_gets_what_it_saw_right_and_nothing_else(cases):
     case, other = cases
     record = judge(task(Peeking(), case, other))
     assert record.failed is None
+    assert [each.failed for each in record.unseen] == [None], "no truth was in the other clip"
     assert record.reconstruction["track"] == pytest.approx(0.0, abs=1e-7)
     held = scored(case, np.repeat(case.rest[None], 12, axis=0), range(case.split, 12))
     assert record.future["track"] == pytest.approx(held["track"])

@@ -11,7 +11,7 @@ from model.evaluation.tables import as_plain, csv_text, markdown, tables
 @pytest.fixture
 def records(make_record):
     made = []
-    for k, name in enumerate(("a", "b", "c", "d")):
+    for k, name in enumerate("abcdef"):
         parts = [
             PartRecord(part=0, material="fur", log_truth=float(k), log_estimate=float(k), log_spread=0.1)
         ]
@@ -37,11 +37,11 @@ def test_every_setting_has_its_table_with_intervals(records):
     text = markdown(table_of(made, "Reconstruction"))
     heads, _, ours, theirs = text.strip().splitlines()[2:]
     assert heads == "| method | CD [mm] | track [mm] | track, matched [mm] | objects | clips | failed |"
-    assert ours.startswith("| ours | 1.2 [")
-    assert " 2.5 [1.5, 3.5] " in ours
-    assert theirs.endswith("| 4 | 4 | 0 |")
+    assert ours.startswith("| ours | 1.7 [")
+    assert " 3.5 [2.2, 4.7] " in ours
+    assert theirs.endswith("| 6 | 6 | 0 |")
     unseen = table_of(made, "Unseen interaction").rows[0][1][1]
-    assert (unseen.column, unseen.figure.value) == ("track [mm]", pytest.approx(7.5))
+    assert (unseen.column, unseen.figure.value) == ("track [mm]", pytest.approx(10.5))
 
 
 def test_differences_are_paired(records):
@@ -106,6 +106,6 @@ def test_csv_holds_every_figure(records):
         "ours",
         "CD [mm]",
     )
-    assert float(first["value"]) == pytest.approx(1.25)
-    assert float(first["low"]) < 1.25 < float(first["high"])
-    assert first["objects"] == "4"
+    assert float(first["value"]) == pytest.approx(1.75)
+    assert float(first["low"]) < 1.75 < float(first["high"])
+    assert first["objects"] == "6"

@@ -38,7 +38,7 @@ def test_spreads_are_set_so_that_intervals_hold_what_they_should(network, make_c
     data = batches(network, make_case, sample_of, error=2.0)
     found = calibrate(network, data)
     assert found.parts == pytest.approx(2.0, rel=0.3)
-    assert found.cases == 30
+    assert found.looks == 30
     with torch.no_grad():
         inside = [
             covered(said.part_log_modulus, said.part_log_spread, batch.truth.part_log_modulus)
@@ -67,7 +67,7 @@ def test_few_truths_change_nothing(network, make_case, sample_of):
     data = batches(network, make_case, sample_of, error=3.0, looks=LEAST // 2 - 1)
     assert calibrate(network, data).parts == 1.0
     assert float(network.part_scale) == 1.0
-    assert calibrate(network, []).cases == 0.0
+    assert calibrate(network, []).looks == 0.0
 
 
 def test_truths_that_are_not_known_do_not_count(network, make_case, sample_of):

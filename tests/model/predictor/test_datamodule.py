@@ -1,3 +1,4 @@
+import json
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,14 +147,14 @@ def test_a_fold_is_left_out_of_training_and_validation_and_is_tested(case_folder
         assert len(tested) == 1
         assert seen == everything - tested
         assert data.origin()["objects"] == 4
-        assert data.origin()["left out"] == " ".join(tested)
+        assert json.loads(data.origin()["left out"]) == sorted(tested)
         apart |= tested
     assert apart == everything
     assert "left out" not in CaseDataModule(case_folder).origin()
 
 
 def test_a_card_lists_who_is_known_unless_that_follows_from_the_seed(make_case, case_folder, tmp_path):
-    listed = CaseDataModule(case_folder).origin()["known"].split()
+    listed = json.loads(CaseDataModule(case_folder).origin()["known"])
     assert sorted(listed) == sorted({entry.object_name for entry in describe(case_folder).cases})
     for number in range(2):
         case = replace(make_case(seed=number, frames=8), name=f"c{number}", object_name=f"rope-4-000{number}")
@@ -162,4 +163,4 @@ def test_a_card_lists_who_is_known_unless_that_follows_from_the_seed(make_case, 
     assert "known" not in CaseDataModule(tmp_path).origin()
     (tmp_path / "c0.case.npz").unlink()
     write_index(tmp_path, seed=4)
-    assert CaseDataModule(tmp_path).origin()["known"] == "rope-4-0001"
+    assert CaseDataModule(tmp_path).origin()["known"] == '["rope-4-0001"]'

@@ -58,6 +58,15 @@ def test_motion_adds_to_the_loss_and_divergence_is_a_share(make_case, sample_of)
     assert np.isfinite(list(found.values())).all()
 
 
+def test_a_clip_without_a_future_leaves_it_out(make_case, sample_of):
+    case, held = make_case(frames=4), HeldOut()
+    held.add_beliefs(*look(case, sample_of(case), (8, 9), (8, 9), 1.0, None), torch.tensor(1.0))
+    held.add_motion(Judged(track=0.2, chamfer=0.4, past=0.01, future=float("nan")))
+    found = held.figures(LossWeights(track=1.0, chamfer=0.0))
+    assert "future" not in found
+    assert found["loss"] == pytest.approx(1.2)
+
+
 def test_what_several_processes_gather_counts_as_if_one_had(make_case, sample_of):
     case = make_case(frames=4)
     sample, whole, shares = sample_of(case), HeldOut(), (HeldOut(), HeldOut())

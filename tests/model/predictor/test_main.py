@@ -125,6 +125,20 @@ def test_training_goes_on_as_if_it_had_not_stopped(case_folder, tmp_path, monkey
         torch.testing.assert_close(ends[1]["state_dict"][name], value, rtol=0.0, atol=0.0, msg=name)
 
 
+def test_the_best_has_learned_from_rollouts(case_folder, tmp_path, monkeypatch):
+    rising = count()
+    # by the figures of its validation the first epoch is the best
+    monkeypatch.setattr(HeldOut, "figures", lambda held, weights: {"loss": float(next(rising))})
+    late, never = tmp_path / "late", tmp_path / "never"
+    assert fit(case_folder, late, "--model.rollouts.warm_up=2", epochs=3) == 0
+    assert fit(case_folder, never, "--model.rollouts.warm_up=9", epochs=3) == 0
+    for out, epochs in ((late, 3), (never, 1)):
+        best = torch.load(out / "run-0" / "checkpoints" / "best.ckpt", weights_only=True)
+        card = load_predictor(out / "run-0" / "predictor.safetensors").about.training
+        assert (best["epoch"] + 1, best["global_step"]) == (card["epochs"], card["steps"])
+        assert card["epochs"] == epochs
+
+
 def test_last_and_best_are_those_of_the_run_that_was_written_to_last(tmp_path):
     for number, name in enumerate(("run-0/checkpoints/best", "run-1/checkpoints/last", "run-2/metrics")):
         path = tmp_path / f"{name}.ckpt"
@@ -193,6 +207,16 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
         (["test", "--ckpt_path=mine.safetensors"], "--model.start"),
         (["fit", "--ckpt_path=mine.safetensors"], "--model.start"),
         (["fit", "--data.validation_share=2"], "validation_share"),
+        (["fit", "--data.batch_size=0"], "data.batch_size is 0"),
+        (["fit", "--data.workers=0"], "data.workers is 0"),
+        (["fit", "--data.opinions.right=-1"], "data.opinions"),
+        (["fit", "--data.opinions.wrong_probability=2"], "wrong_probability is 2"),
+        (["fit", "--model.network.heads=3"], "model.network.heads is 3"),
+        (["fit", "--model.network.layers=0"], "model.network.layers is 0"),
+        (["fit", "--model.network.dropout=1"], "model.network.dropout is 1"),
+        (["fit", "--model.rollouts.per_batch=-1"], "model.rollouts.per_batch is -1"),
+        (["fit", "--model.rollouts.first_horizon=50"], "first_horizon is 50"),
+        (["fit", "--trainer.max_epochs=-1"], "trainer.max_epochs is -1"),
         (["frobnicate"], "frobnicate"),
         ([], "subcommand"),
     ],

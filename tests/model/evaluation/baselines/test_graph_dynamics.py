@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.evaluation.baselines.graph_dynamics import HISTORY, Dynamics, GraphDynamics, Scales
+from model.evaluation.baselines.graph_dynamics import FASTER, HISTORY, Dynamics, GraphDynamics, Scales
 from model.evaluation.baselines.hold_last import HoldLast
 from model.evaluation.baselines.particles import choose, graph
 
@@ -56,7 +56,7 @@ def test_the_same_seed_learns_the_same(case, hide):
     assert np.array_equal(made[0], made[1])
 
 
-def test_a_network_gone_wild_moves_nothing_faster_than_was_seen_or_falls(case, hide, make_case):
+def test_a_network_gone_wild_moves_nothing_much_faster_than_was_seen_or_falls(case, hide, make_case):
     fitted = GraphDynamics(**SMALL, steps=0).fit(hide(case))
     with torch.no_grad():
         for parameter in fitted.dynamics.parameters():
@@ -65,7 +65,7 @@ def test_a_network_gone_wild_moves_nothing_faster_than_was_seen_or_falls(case, h
     made, controls = fitted.predict(hide(other)), other.observation.controllers
     fall = np.sqrt(2.0 * 9.81 * (other.rest[:, 2].max() - (other.observation.ground_height or 0.0)))
     hands = np.linalg.norm(np.diff(controls, axis=0), axis=-1).max()
-    farthest = max(max(fitted.fastest, fall) * np.diff(other.observation.times).mean(), hands)
+    farthest = FASTER * max(max(fitted.fastest, fall) * np.diff(other.observation.times).mean(), hands)
     gone = np.linalg.norm(np.diff(made, axis=0), axis=-1)
     # points between particles go with several of them
     assert 0.9 * farthest < gone.max() < 1.05 * farthest
