@@ -33,31 +33,30 @@ def consistency(records: Sequence[Record]) -> Consistency:
     """Spreads over the records of one method, with intervals over objects."""
 
     def spread(
-        label: Callable[[PartRecord], str], value: Callable[[PartRecord], float | None]
+        label: Callable[[Record, PartRecord], str], value: Callable[[PartRecord], float | None]
     ) -> Interval | None:
         groups: dict[str, Labelled] = {}
         for record in records:
             for part in record.parts:
                 number = value(part)
                 if number is not None:
-                    groups.setdefault(record.object_name, []).append((label(part), number))
+                    groups.setdefault(record.object_name, []).append((label(record, part), number))
         return spread_interval([groups[name] for name in sorted(groups)], _within)
 
     return Consistency(
-        over_scenes=spread(lambda part: part.material, lambda part: part.log_estimate),
-        truth_over_scenes=spread(lambda part: part.material, lambda part: part.log_truth),
-        error_over_scenes=spread(lambda part: part.material, _error),
-        over_interactions=_over_interactions(records),
+        over_scenes=spread(_material, lambda part: part.log_estimate),
+        truth_over_scenes=spread(_material, lambda part: part.log_truth),
+        error_over_scenes=spread(_material, _error),
+        over_interactions=spread(_piece, lambda part: part.log_estimate),
     )
 
 
-def _over_interactions(records: Sequence[Record]) -> Interval | None:
-    groups: dict[str, Labelled] = {}
-    for record in records:
-        for part in record.parts:
-            one = (f"{record.object_name} {part.part}", part.log_estimate)
-            groups.setdefault(record.object_name, []).append(one)
-    return spread_interval([groups[name] for name in sorted(groups)], _within)
+def _material(_: Record, part: PartRecord) -> str:
+    return part.material
+
+
+def _piece(record: Record, part: PartRecord) -> str:
+    return f"{record.object_name} {part.part}"
 
 
 def _error(part: PartRecord) -> float | None:

@@ -105,6 +105,7 @@ def _jobs(plan: Plan) -> Iterator[_Job]:
     if not groups:
         raise InputError(f"{plan.data}: no cases in its index: generate some with `matphys scenes`")
     source = hashlib.sha256((plan.data / INDEX).read_bytes()).hexdigest()
+    weights = None if plan.lpips is None else _weights(plan.lpips)
     transfers = "unseen_interaction" in plan.settings
     if transfers and all(len(entries) < 2 for entries in groups.values()):
         raise InputError(
@@ -117,7 +118,7 @@ def _jobs(plan: Plan) -> Iterator[_Job]:
             others = [entry for j, entry in enumerate(entries) if j != k] if transfers else []
             for method_name, method in plan.methods.items():
                 yield _Job(
-                    key=_key(plan, source, method_name, entries[k], others),
+                    key=_key(plan, source, weights, method_name, entries[k], others),
                     name=method_name,
                     method=method,
                     case=plan.data / entries[k].file,
@@ -137,9 +138,16 @@ def _chosen(groups: dict[str, list[IndexEntry]], limit: int | None) -> list[str]
     return mixed[:limit]
 
 
-def _key(plan: Plan, source: str, name: str, entry: IndexEntry, others: Sequence[IndexEntry]) -> str:
+def _key(
+    plan: Plan,
+    source: str,
+    weights: str | None,
+    name: str,
+    entry: IndexEntry,
+    others: Sequence[IndexEntry],
+) -> str:
     told = "given" if plan.opinion is None else f"{plan.opinion} {plan.seed}"
-    pictures = f"{plan.pictures} {None if plan.lpips is None else _weights(plan.lpips)}"
+    pictures = f"{plan.pictures} {weights}"
     who = [name, plan.methods[name].identity()]
     content = [VERSION, *who, source, told, pictures, entry.sha256, *(other.sha256 for other in others)]
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:24]

@@ -114,8 +114,8 @@ def csv_text(made: Iterable[Table]) -> str:
     heads = ("table", "method", "column", "value", "low", "high", "objects")
     writer.writerow(heads)
     for entry in as_plain(made):
-        known = {name: entry[name] for name in ("value", "low", "high") if entry[name] is not None}
-        numbers = {name: f"{value:.6g}" for name, value in known.items()}
+        known = (name for name in ("value", "low", "high") if entry[name] is not None)
+        numbers = {name: f"{entry[name]:.6g}" for name in known}
         writer.writerow([(entry | numbers)[head] for head in heads])
     return buffer.getvalue()
 

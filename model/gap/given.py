@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +57,7 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
             "its baseline is that of the coarser twin",
             stacklevel=2,
         )
-    _compare_grounds(bundle, observation)
+    _compare_places(bundle, observation)
     carried = tuple(thinned(record, became, len(graph.points)) for record in bundle.effects)
     body = _body(graph, fine, observation)
     if _same_hand(graph, observation):
@@ -151,24 +152,20 @@ def _same_hand(graph: Graph, observation: Observation) -> bool:
     return bool(np.linalg.norm(hand - own, axis=1).max() <= SAME_HAND * graph.spacing)
 
 
-def _compare_grounds(bundle: TwinBundle, observation: Observation) -> None:
+def _compare_places(bundle: TwinBundle, observation: Observation) -> None:
+    for difference in _differences(bundle, observation):
+        warnings.warn(f"{difference}: the observation's word counts", stacklevel=3)
+
+
+def _differences(bundle: TwinBundle, observation: Observation) -> Iterator[str]:
+    """In what the place of a recording is not that of the twin."""
     own, other = ground_height(bundle.parameters), observation.ground_height
     if (own is None) != (other is None):
         has, lacks = ("observation", "twin") if own is None else ("twin", "observation")
-        warnings.warn(
-            f"the {has} has a ground, the {lacks} none: the observation's word counts", stacklevel=3
-        )
+        yield f"the {has} has a ground, the {lacks} none"
     elif own is not None and other is not None and abs(own - other) > GROUND:
-        warnings.warn(
-            f"the observation's ground is {1e3 * (other - own):+.0f} mm from the twin's: the observation's"
-            " word counts",
-            stacklevel=3,
-        )
+        yield f"the observation's ground is {1e3 * (other - own):+.0f} mm from the twin's"
     given, here = np.array(gravity(bundle.parameters)), np.array(observation.gravity)
     if np.linalg.norm(given - here) > GRAVITY * max(float(np.linalg.norm(given)), 1e-9):
         told = ", ".join(f"{value:.2f}" for value in here)
-        warnings.warn(
-            f"the observation's gravity ({told} m/s², as the twin stands) is not the twin's: the"
-            " observation's word counts",
-            stacklevel=3,
-        )
+        yield f"the observation's gravity ({told} m/s², as the twin stands) is not the twin's"

@@ -106,8 +106,8 @@ def with_findings(
     # what was found was fitted on top of a carried effect of its kind, or instead of it
     changed = {record.name for record in found if not CATALOGUE[record.name].stacks}
     kept = tuple(record for record in bundle.effects if record.name not in changed)
-    twin = replace(bundle, effects=(*kept, *found), preview=None)
-    twin = replace(twin, parameters=_there(twin.parameters, fine.observation))
+    place = _there(bundle.parameters, fine.observation)
+    twin = replace(bundle, effects=(*kept, *found), parameters=place, preview=None)
     if diagnosis.fitted is not None:
         mechanics = Mechanics.of(_world(replace(fine, carried=()), diagnosis.fitted, coarse))
         same_hand = np.array_equal(fine.body.grip, bundle.topology.controller_springs)

@@ -15,6 +15,7 @@ from model.encoders.motion import MotionEncoder
 from model.errors import InputError
 from model.predictor.batches import Batch, Example, make_batch, true_values
 from model.predictor.checkpoint import KNOWN, LEFT_OUT, names_text
+from model.predictor.checks import at_least
 from model.predictor.geometry import Geometry, describe_geometry
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.motion_store import read_motion, store_motion
@@ -190,9 +191,7 @@ class CaseDataModule(LightningDataModule):
         super().__init__()
         if not 0.0 < validation_share < 1.0:
             raise InputError(f"data.validation_share is {validation_share}: expected a share between 0 and 1")
-        for name, count in (("batch_size", batch_size), ("workers", workers)):
-            if count < 1:
-                raise InputError(f"data.{name} is {count}: expected 1 or more")
+        at_least(1, "data", batch_size=batch_size, workers=workers)
         self.folder, self.test_folder = folder, test_folder
         self.encoder = encoder or KinematicEncoder()
         self.motion_dim, self.motion_global_dim = self.encoder.dim, self.encoder.global_dim

@@ -15,6 +15,7 @@ from torch.optim.lr_scheduler import LambdaLR
 from model.errors import InputError
 from model.predictor.batches import Batch, Example
 from model.predictor.checkpoint import Trained, load_predictor
+from model.predictor.checks import at_least
 from model.predictor.held_out import HeldOut
 from model.predictor.joining import split_prediction
 from model.predictor.objective import LossWeights, belief_terms, judge_motion, motion_terms
@@ -52,9 +53,8 @@ class Rollouts:
         Raises:
             InputError: see the message.
         """
-        for name in ("warm_up", "per_batch", "validated"):
-            if getattr(self, name) < 0:
-                raise InputError(f"model.rollouts.{name} is {getattr(self, name)}: expected 0 or more")
+        counts = {"warm_up": self.warm_up, "per_batch": self.per_batch, "validated": self.validated}
+        at_least(0, "model.rollouts", **counts)
         if not 2 <= self.first_horizon <= self.last_horizon:
             raise InputError(
                 f"model.rollouts: first_horizon is {self.first_horizon}, last_horizon {self.last_horizon}: "

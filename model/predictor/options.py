@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 
 from model.errors import InputError
+from model.predictor.checks import at_least
 from model.predictor.network import PredictorNetwork
 
 
@@ -37,9 +38,7 @@ class NetworkOptions:
         Raises:
             InputError: see the message.
         """
-        for name in ("dim", "layers", "heads"):
-            if getattr(self, name) < 1:
-                raise InputError(f"model.network.{name} is {getattr(self, name)}: expected 1 or more")
+        at_least(1, "model.network", dim=self.dim, layers=self.layers, heads=self.heads)
         if self.dim % self.heads:
             raise InputError(f"model.network.heads is {self.heads}: expected a divisor of dim, {self.dim}")
         if not 0.0 <= self.dropout < 1.0:

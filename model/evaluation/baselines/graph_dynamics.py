@@ -166,7 +166,7 @@ class GraphDynamics(Method):
         dynamics = Dynamics(scales, self.width, self.passes, self.seed)
         self._train(dynamics, particles, tracks, scales)
         last = tracks[_before(case.split, len(tracks))]
-        fastest = _farthest(tracks) / _interval(case)
+        fastest = float(moved.max()) / _interval(case)
         return Learned(case.name, dynamics, chosen, self.neighbours, case.split, last, fastest)
 
     @staticmethod

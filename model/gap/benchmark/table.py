@@ -163,7 +163,7 @@ def _ece(worlds: Sequence[Outcome]) -> Score:
 
 
 def _chance(worlds: Sequence[Outcome]) -> Score:
-    return calibration_error_by_chance([each.confidence for each in worlds if each.answer != REFUSED])
+    return _scored(lambda confidence, _: calibration_error_by_chance(confidence), worlds)
 
 
 def _brier(worlds: Sequence[Outcome]) -> Score:

@@ -1,6 +1,6 @@
 """Where, when and from what source the gap comes, in plain sentences with the numbers first."""
 
-from model.gap.report.wording import LIKELY, added, companions, listed, millimetres, percent, plain
+from model.gap.report.wording import LIKELY, added, certainty, companions, listed, millimetres, percent, plain
 from model.gap.schema import SOURCE_NAMES, GapReport
 
 MEANINGS = {
@@ -26,16 +26,14 @@ def sentences(report: GapReport) -> tuple[str, ...]:
 
 def title(report: GapReport) -> str:
     """The verdict in a few words."""
-    sure = report.verdict.probability >= LIKELY
+    sure = certainty(report) >= LIKELY
     if report.verdict.effect == "none":
         return "Nothing is missing" if sure else "Likeliest: nothing is missing"
     if report.verdict.effect == "unknown":
         return "Something unknown is missing" if sure else "Likeliest: something unknown is missing"
-    alike = companions(report)
-    names = [plain(report.verdict.effect), *(plain(name) for name in alike)]
+    names = [plain(report.verdict.effect), *(plain(name) for name in companions(report))]
     missing = listed(names, "or") if report.verdict.second is None else str(added(report))
-    chance = sum(report.finding(name).probability for name in alike) + report.verdict.probability
-    return f"Missing: {missing}" if chance >= LIKELY else f"Likeliest to be missing: {missing}"
+    return f"Missing: {missing}" if sure else f"Likeliest to be missing: {missing}"
 
 
 def _tuning(report: GapReport) -> str:

@@ -3,6 +3,7 @@
 from model.gap.report.wording import (
     LIKELY,
     added,
+    certainty,
     companions,
     listed,
     millimetres,
@@ -44,11 +45,11 @@ def _cause(report: GapReport) -> str:
             return f"{str(name).capitalize()} {verb} the likeliest thing that the twin lacks ({sure} sure)"
         return f"{str(name).capitalize()} {verb} missing in the twin ({sure} sure)"
     names = listed((plain(report.verdict.effect), *map(plain, alike)), "or")
-    chances = [report.finding(each).probability for each in (report.verdict.effect, *alike)]
-    together = percent(min(1.0, sum(chances)))
+    chance = certainty(report)
+    together = percent(min(1.0, chance))
     beside = "" if report.verdict.second is None else f", beside {plain(report.verdict.second)}"
     verb = "is missing in the twin"
-    if sum(chances) < LIKELY:
+    if chance < LIKELY:
         verb = "is the likeliest thing that the twin lacks"
     return (
         f"{names.capitalize()} {verb} ({together} sure){beside}; this recording cannot tell"

@@ -76,6 +76,11 @@ def companions(report: GapReport) -> tuple[str, ...]:
     return tuple(effect.name for effect in report.effects if effect.name in confused)
 
 
+def certainty(report: GapReport) -> float:
+    """Probability of the verdict, with those effects that cannot be told from it."""
+    return report.verdict.probability + sum(report.finding(name).probability for name in companions(report))
+
+
 def added(report: GapReport) -> str | None:
     """What the verdict adds to the twin, `wind` or `wind and plasticity`; None: nothing."""
     if report.named is None:
