@@ -86,13 +86,16 @@ class Told:
         """What `gather` wrote."""
         content = json.loads(path.read_bytes())
         account = content.pop("account")
-        explained = {name: Explained(**each) for name, each in account["explained"].items()}
-        if "left" not in account:
+        if "shared" not in account:
             raise SystemExit(
-                f"{path}: gathered before accounts told what is left; remove it and gather again"
+                f"{path}: gathered before effects were fitted to both recordings; remove it and gather again"
             )
+        explained, shared = (
+            {name: Explained(**each) for name, each in account[part].items()}
+            for part in ("explained", "shared")
+        )
         astray, left = tuple(account["astray"]), tuple(account["left"])
-        known = Account(account["shape"], account["screened"], explained, astray, left)
+        known = Account(account["shape"], account["screened"], explained, shared, astray, left)
         return cls(**content | {"right": tuple(content["right"]), "account": known})
 
 

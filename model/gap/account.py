@@ -60,7 +60,9 @@ class Account:
     screened: Mapping[EffectName, float]
     """Probability of each effect by score tests, before any was fitted."""
     explained: Mapping[EffectName, Explained]
-    """By each effect that was fitted."""
+    """By each effect that was fitted to the first recording; in the other as strong as that says."""
+    shared: Mapping[EffectName, Explained]
+    """By each that was fitted to both recordings at once, as strong in both."""
     astray: tuple[float, ...]
     """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     left: tuple[float, ...]
@@ -68,10 +70,15 @@ class Account:
     over that of the noise, or of `FINEST` where the sensor is better."""
 
     @property
+    def told(self) -> Mapping[EffectName, Explained]:
+        """What counts: of both recordings at once, where there are two."""
+        return self.shared or self.explained
+
+    @property
     def alone(self) -> "Account":
         """The same without the other recording."""
         here = {name: replace(one, elsewhere=0.0) for name, one in self.explained.items()}
-        return replace(self, explained=here, astray=self.astray[:1], left=self.left[:1])
+        return replace(self, explained=here, shared={}, astray=self.astray[:1], left=self.left[:1])
 
 
 def against_ordinary(left: float, noise: float) -> float:

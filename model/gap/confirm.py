@@ -147,10 +147,10 @@ def further(study: Study, found: Fitted) -> Fitted:
     return more if more.estimate.cost < found.estimate.cost else found
 
 
-def held_out(study: Study, one: Fitted) -> float:
+def held_out(study: Study, foretold: Forecast) -> float:
     """Mean square of its innovations in the frames that no fit has seen [m²]."""
     seen = study.observer.seen.numpy()[study.split :]
-    innovations = one.foretold.innovations[study.split :]
+    innovations = foretold.innovations[study.split :]
     return float((innovations[seen] ** 2).mean()) if seen.any() else 0.0
 
 

@@ -14,8 +14,9 @@ from model.gap.confirm import Confirmed, Fitted, confirm, held_out, localised, r
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence, gather
-from model.gap.forecast import Forecast
+from model.gap.forecast import Forecast, forecast
 from model.gap.found import Found, Tried
+from model.gap.joint import fitted_jointly
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
@@ -24,7 +25,7 @@ from model.gap.search import Begun, beginning, searched, values_of
 from model.gap.signs import Signs, signs_of
 from model.gap.size import size_of
 from model.gap.study import Study, study
-from model.gap.transfer import Transferred, transferred
+from model.gap.transfer import Followed, Transferred, transferred
 from model.gap.verdict import Judged, judged, second_of
 from model.gap.weighing import Weighing
 from model.one_thread import one_thread
@@ -92,15 +93,7 @@ def _diagnosed(
     plain = refit(fitted)
     confirmed = {name: _fitted(fitted, plain, screened, name) for name in _likely(screened)}
     refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
-    left = (plain.estimate.cost, *([] if other is None else [other.left(plain)]))
-    noises = (fitted.misfit.noise, *([] if other is None else [other.told_noise]))
-    account = Account(
-        fitted.plain.twin.body.shape,
-        {name: screened.first.chances[name] for name in EFFECT_NAMES},
-        _explained(fitted, other, plain, confirmed, left),
-        _astray(plain, refitted),
-        tuple(against_ordinary(*one) for one in zip(left, noises, strict=True)),
-    )
+    account = _account(fitted, other, plain, confirmed, screened.first, refitted)
     tried = _tried(fitted, plain, confirmed, screened, account)
     tell("ceiling", 0.85)
     flexible = ceiling(fitted, plain)
@@ -170,27 +163,60 @@ def _likely(screened: _Screened) -> list[EffectName]:
     return list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
 
 
-def _explained(
+def _account(
     fitted: Study,
     other: Transferred | None,
     plain: Fitted,
     confirmed: Mapping[EffectName, Confirmed],
-    left: tuple[float, ...],
-) -> dict[EffectName, Explained]:
+    screened: Judged,
+    refitted: Forecast | None,
+) -> Account:
     """What each effect explains: in the frames of its fit, in later ones, and in another recording.
 
-    There it is as strong as in the first. One that explains nothing in the frames of its fit is
-    not tried anywhere else: there is no strength to try it with.
+    One that explains nothing in the frames of its fit is not tried anywhere else: there is no strength to try
+    it with.
     """
-    here, later = left[0], held_out(fitted, plain)
+    here, later = plain.estimate.cost, held_out(fitted, plain.foretold)
+    # as many steps more as an effect gets in both recordings
+    elsewhere = None if other is None else other.further(other.followed(plain))
     explained: dict[EffectName, Explained] = {}
+    shared: dict[EffectName, Explained] = {}
     for name, one in confirmed.items():
         if one.estimate.cost >= SEEN * here:
-            explained[name] = Explained()
+            explained[name] = shared[name] = Explained()
             continue
-        elsewhere = None if other is None else (left[1], other.left(one))
-        explained[name] = Explained.of((here, one.estimate.cost), (later, held_out(fitted, one)), elsewhere)
-    return explained
+        left = (here, one.estimate.cost), (later, held_out(fitted, one.foretold))
+        if other is None or elsewhere is None:
+            explained[name] = Explained.of(*left)
+            continue
+        held = other.followed(one)
+        explained[name] = Explained.of(*left, (elsewhere.estimate.cost, held.estimate.cost))
+        shared[name] = _shared(fitted, other, one, (plain, elsewhere), held) or Explained.of(*left)
+    lefts, noises = [here], [fitted.misfit.noise]
+    if other is not None and elsewhere is not None:
+        lefts, noises = [here, elsewhere.estimate.cost], [fitted.misfit.noise, other.told_noise]
+    return Account(
+        fitted.plain.twin.body.shape,
+        {name: screened.chances[name] for name in EFFECT_NAMES},
+        explained,
+        {} if other is None else shared,
+        _astray(plain, refitted),
+        tuple(against_ordinary(*one) for one in zip(lefts, noises, strict=True)),
+    )
+
+
+def _shared(
+    fitted: Study, other: Transferred, one: Fitted, plain: tuple[Fitted, Followed], held: Followed
+) -> Explained | None:
+    """What an effect explains that is as strong in both recordings; None: it cannot act in the other."""
+    both = fitted_jointly(one, plain, other, held)
+    if both is None:
+        return None
+    later = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
+    without = (plain[0].estimate.cost, held_out(fitted, plain[0].foretold), plain[1].estimate.cost)
+    return Explained.of(
+        (without[0], both.left[0]), (without[1], held_out(fitted, later)), (without[2], both.left[1])
+    )
 
 
 def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:

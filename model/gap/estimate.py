@@ -1,6 +1,7 @@
 """Fit the parameters of a world to what an observer sees: growing horizons, many worlds at once."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -77,7 +78,24 @@ class Coordinates:
         return 0.25 * (high - low)
 
 
-class Misfit:
+class Residuals(ABC):
+    """What a fit makes small, as a function of a vector of coordinates."""
+
+    @property
+    @abstractmethod
+    def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
+        """Lower and upper, of each coordinate."""
+
+    @abstractmethod
+    def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
+        """One row for each vector."""
+
+    @abstractmethod
+    def jacobian(self, vector: Float64[Array, " d"], width: float) -> Float64[Array, "m d"]:
+        """Slopes at a vector by differences of this width."""
+
+
+class Misfit(Residuals):
     """Weighted innovations of the worlds that vectors of coordinates stand for.
 
     Args:
@@ -110,6 +128,16 @@ class Misfit:
     def until(self, last: int) -> "Misfit":
         """The same over the frames up to `last`."""
         return Misfit(self.hypothesis, self.observer, replace(self.span, last=last), self.noise)
+
+    @property
+    def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
+        """Lower and upper, of each coordinate."""
+        return self.coordinates.bounds
+
+    @property
+    def size(self) -> int:
+        """How many innovations there are: three for each point that is seen in a frame."""
+        return 3 * int(self._seen.sum())
 
     def settle(self) -> None:
         """Forget how finely time was divided for worlds that were looked at before."""
@@ -148,7 +176,7 @@ class Misfit:
                 led = self.observer.lead(world, span.state, span.first, span.last, substeps=substeps)
         except SimulationDiverged:
             if len(vectors) == 1:
-                return np.full((1, int(self._seen.sum()) * 3), self.observer.lost / self.noise)
+                return np.full((1, self.size), self.observer.lost / self.noise)
             return np.concatenate([self._some(vector[None]) for vector in vectors])
         predicted = led.predicted if len(vectors) > 1 else led.predicted.unsqueeze(1)
         error = (predicted - self._places.unsqueeze(1)).movedim(1, 0)[:, self._seen]
@@ -200,7 +228,7 @@ def estimate(
             inside = np.clip(starts, low + 1e-6, high - 1e-6)
             vector = inside[int((part(inside) ** 2).mean(1).argmin())] if len(inside) > 1 else inside[0]
             part.settle()
-        found = _descended(part, vector, starts[0], steps)
+        found = descended(part, vector, starts[0], steps)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)
         spent += part.evaluations
     assert vector is not None
@@ -225,18 +253,27 @@ def _horizons(span: Span, frames: int) -> list[int]:
     return [*horizons, span.last]
 
 
-def _descended(
-    misfit: Misfit, vector: Float64[Array, " d"], believed: Float64[Array, " d"], steps: int
+def descended(
+    misfit: Residuals, vector: Float64[Array, " d"], believed: Float64[Array, " d"], steps: int
 ) -> OptimizeResult:
     """Gauss-Newton with wide differences, then with fine ones.
 
     What the frames so far say nothing of stays near what is believed.
+
+    Args:
+        misfit: What is to be small.
+        vector: Where to begin, within the bounds.
+        believed: Coordinates that are believed beforehand, `LOOSE` far.
+        steps: At most; the first only looks at the slopes.
+
+    Returns:
+        Of `scipy.optimize.least_squares`; the last residuals, one a coordinate, are of what is believed.
     """
 
     def residuals(at: Float64[Array, " d"]) -> Float64[Array, " r"]:
         return np.concatenate([misfit(at[None])[0], (at - believed) / LOOSE])
 
-    low, high = misfit.coordinates.bounds
+    low, high = misfit.bounds
     left, found = steps, None
     for width in STEPS:
         found = least_squares(

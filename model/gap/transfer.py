@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -40,6 +41,13 @@ SAME_HAND = 0.5
 """Grasps: controllers this near to where the body takes those of the first recording hold the same."""
 
 
+class Followed(NamedTuple):
+    """A twin fitted to all frames of a recording."""
+
+    misfit: Misfit
+    estimate: Estimate
+
+
 @dataclass(frozen=True)
 class Transferred:
     """The other recording, and how to make worlds for it: nothing of the object is fitted to it.
@@ -72,26 +80,39 @@ class Transferred:
             hypothesis: Of the first recording.
             values: Its fitted values; what only this recording has, as a ground, is as usual.
         """
-        here = self._here(hypothesis)
+        here = self.hypothesis(hypothesis)
         known = {name: values.get(name, quantity.start) for name, quantity in here.quantities.items()}
         known |= self.own
         return forecast(self.observer, here.at(known), self.first, self.state)
 
-    def left(self, one: Fitted) -> float:
-        """Mean square of what a twin leaves unexplained here, over the noise.
+    def followed(self, one: Fitted) -> Followed:
+        """A twin in all frames of this recording, its effects as strong as in the first.
 
-        Its effects are as strong as in the first recording, its own parameters follow: a twin without an
-        effect makes up for it by wrong ones, which would be held against it here, and one with it has others.
-        Were effects free within what the first recording leaves open, a load of which it says little would
-        fit here by being another one.
+        Its own parameters follow: a twin without an effect makes up for it by wrong ones, which would be held
+        against it here, and one with it has others.
         """
-        here = self._here(one.hypothesis)
+        here = self.hypothesis(one.hypothesis)
         values = one.estimate.values
         fixed = {name: values[name] for name in here.quantities if "." in name}
-        return self._followed(here.holding(fixed), values)[2].cost
+        return self._followed(here.holding(fixed), values)[0]
 
-    def _here(self, hypothesis: Hypothesis) -> Hypothesis:
-        """What acts at a ground or a grip has nothing to act on where there is none."""
+    def further(self, found: Followed) -> Followed:
+        """The same after as many more steps; as it was where these lead to nothing better."""
+        whole = len(self.twin.observation.times)
+        more = estimate(found.misfit, found.estimate.vector[None], STEPS, whole)
+        return Followed(found.misfit, more) if more.cost < found.estimate.cost else found
+
+    def misfit(self, hypothesis: Hypothesis) -> Misfit:
+        """Of a hypothesis over all frames.
+
+        Args:
+            hypothesis: Of this recording.
+        """
+        span = Span(0, len(self.twin.observation.times) - 1, self.state)
+        return Misfit(hypothesis, self.observer, span, self.told_noise)
+
+    def hypothesis(self, hypothesis: Hypothesis) -> Hypothesis:
+        """One of the first recording for this one, in which what acts at a ground or a grip may have none."""
         plain = replace(hypothesis, twin=self.twin, effects=(), where=None)
         usual = plain.at({name: quantity.start for name, quantity in plain.quantities.items()})
         able = tuple(effect for effect in hypothesis.effects if effect.unable(usual) is None)
@@ -99,14 +120,14 @@ class Transferred:
 
     def _followed(
         self, hypothesis: Hypothesis, values: Mapping[str, float]
-    ) -> tuple[Misfit, dict[str, float], Estimate]:
-        """What is free of a hypothesis, fitted to all frames from these values and the recording's own."""
-        frames = len(self.twin.observation.times)
-        span = Span(0, frames - 1, self.state)
-        misfit = Misfit(hypothesis, self.observer, span, self.told_noise)
+    ) -> tuple[Followed, dict[str, float]]:
+        """What is free of a hypothesis, fitted from these values and the recording's own; and its start."""
+        misfit = self.misfit(hypothesis)
         known = {**values, **self.own}
         start = {name: known.get(name, q.start) for name, q in hypothesis.quantities.items()}
-        return misfit, start, estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, frames)
+        whole = len(self.twin.observation.times)
+        found = estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, whole)
+        return Followed(misfit, found), start
 
     def study(self, first: Study) -> Study:
         """The plain twin fitted to this recording, for what it shows of effects: all frames are seen by it.
@@ -116,7 +137,7 @@ class Transferred:
         """
         seen = self.twin.observation
         plain = replace(first.plain, twin=self.twin)
-        misfit, start, base = self._followed(plain, first.base.values)
+        (misfit, base), start = self._followed(plain, first.base.values)
         return Study(seen, plain, self.observer, misfit, start, base, self.noise, len(seen.times))
 
 

@@ -95,7 +95,7 @@ class Weighing:
             + (self.elsewhere + extra) * one.elsewhere
             + self.harm * min(one.elsewhere, 0.0)
             + (self.buckling if thin and name == SLACK else 0.0)
-            for name, one in account.explained.items()
+            for name, one in account.told.items()
         }
 
 

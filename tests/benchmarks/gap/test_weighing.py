@@ -14,7 +14,7 @@ ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
 
 def told(number, right, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0):
-    account = Account(shape, ALIKE, explained, astray, (2.0, 2.0))
+    account = Account(shape, ALIKE, explained, explained, astray, (2.0, 2.0))
     return Told(f"{number:03d}", "made", right, None if "none" in right else magnitude, account)
 
 
@@ -100,7 +100,7 @@ def test_worlds_count_as_they_come_however_many_of_a_kind_were_picked(worlds):
 
 def test_accounts_of_before_are_refused_in_one_line(worlds, tmp_path):
     content = asdict(worlds[0])
-    del content["account"]["left"]
+    del content["account"]["shared"]
     (tmp_path / "old.json").write_text(json.dumps(content))
     with pytest.raises(SystemExit, match="gather again"):
         Told.read(tmp_path / "old.json")

@@ -124,12 +124,13 @@ def test_an_effect_that_is_at_work_in_both_recordings_leaves_less_in_the_other(s
     plain = Fitted(
         sheet.misfit, sheet.base, forecast(sheet.observer, sheet.plain.at(sheet.base.values), sheet.split)
     )
-    left = found.left(plain)
-    assert left <= 1.2 * found.study(sheet).base.cost
+    followed = found.followed(plain)
+    left = found.further(followed).estimate.cost
+    assert left <= followed.estimate.cost <= 1.2 * found.study(sheet).base.cost
     tilt = replace(sheet.plain, effects=(GravityTilt(),))
     misfit = sheet.misfit.of(tilt)
     values = {**sheet.base.values, "gravity_tilt.about_x": 0.4, "gravity_tilt.about_y": 0.0}
     vector = misfit.coordinates.vector(values)
     slopes = np.zeros((len(sheet.base.residuals), len(vector)))
     wrong = replace(sheet.base, values=values, vector=vector, jacobian=slopes)
-    assert found.left(Fitted(misfit, wrong, plain.foretold)) > 1.5 * left
+    assert found.followed(Fitted(misfit, wrong, plain.foretold)).estimate.cost > 1.5 * left

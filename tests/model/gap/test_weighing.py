@@ -31,7 +31,7 @@ def usual(shape, beyond=0.0):
 
 
 def account(shape="rope", astray=(ASTRAY,), screened=ALIKE, left=None, **explained):
-    return Account(shape, screened, explained, astray, (usual(shape),) if left is None else left)
+    return Account(shape, screened, explained, {}, astray, (usual(shape),) if left is None else left)
 
 
 def odds(judged, one, other="none"):
