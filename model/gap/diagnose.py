@@ -4,28 +4,26 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from model.gap.account import Account, Explained, against_ordinary
+from model.gap.account import Account
+from model.gap.accounting import account_of
 from model.gap.acts_on import acting
 from model.gap.ceiling import ceiling
 from model.gap.classifier import Jury
 from model.gap.closure import closure
 from model.gap.closure import transfer as closed_there
-from model.gap.confirm import Confirmed, Fitted, confirm, held_out, localised, refit
+from model.gap.confirm import Confirmed, Fitted, confirm, localised, refit
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence, gather
-from model.gap.forecast import Forecast, forecast
 from model.gap.found import Found, Tried
-from model.gap.joint import fitted_jointly
 from model.gap.locate import locate
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
 from model.gap.schema import EFFECT_NAMES
 from model.gap.search import Begun, beginning, searched, values_of
 from model.gap.signs import Signs, signs_of
-from model.gap.size import size_of
 from model.gap.study import Study, study
-from model.gap.transfer import Followed, Transferred, transferred
+from model.gap.transfer import Transferred, transferred
 from model.gap.verdict import Judged, judged, second_of
 from model.gap.weighing import Weighing
 from model.one_thread import one_thread
@@ -36,8 +34,6 @@ from model.types import Observation
 
 LIKELIEST, EXPLAINING = 1, 4
 """Effects that are fitted: the jury's likeliest, and those that explain most after a step."""
-SEEN = 0.98
-"""An effect that leaves more than this share of what the plain twin does is not there to be seen."""
 BETTER = 0.95
 """Two effects are named where together they leave less than this share of what one leaves."""
 
@@ -93,7 +89,7 @@ def _diagnosed(
     plain = refit(fitted)
     confirmed = {name: _fitted(fitted, plain, screened, name) for name in _likely(screened)}
     refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
-    account = _account(fitted, other, plain, confirmed, screened.first, refitted)
+    account = account_of(fitted, other, plain, confirmed, screened.first, refitted)
     tried = _tried(fitted, plain, confirmed, screened, account)
     tell("ceiling", 0.85)
     flexible = ceiling(fitted, plain)
@@ -161,66 +157,3 @@ def _likely(screened: _Screened) -> list[EffectName]:
     begins = screened.begins
     ranked = [name for name in screened.first.ranked if name in begins][:LIKELIEST]
     return list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
-
-
-def _account(
-    fitted: Study,
-    other: Transferred | None,
-    plain: Fitted,
-    confirmed: Mapping[EffectName, Confirmed],
-    screened: Judged,
-    refitted: Forecast | None,
-) -> Account:
-    """What each effect explains: in the frames of its fit, in later ones, and in another recording.
-
-    One that explains nothing in the frames of its fit is not tried anywhere else: there is no strength to try
-    it with.
-    """
-    here, later = plain.estimate.cost, held_out(fitted, plain.foretold)
-    # as many steps more as an effect gets in both recordings
-    elsewhere = None if other is None else other.further(other.followed(plain))
-    explained: dict[EffectName, Explained] = {}
-    shared: dict[EffectName, Explained] = {}
-    for name, one in confirmed.items():
-        if one.estimate.cost >= SEEN * here:
-            explained[name] = shared[name] = Explained()
-            continue
-        left = (here, one.estimate.cost), (later, held_out(fitted, one.foretold))
-        if other is None or elsewhere is None:
-            explained[name] = Explained.of(*left)
-            continue
-        held = other.followed(one)
-        explained[name] = Explained.of(*left, (elsewhere.estimate.cost, held.estimate.cost))
-        shared[name] = _shared(fitted, other, one, (plain, elsewhere), held) or Explained.of(*left)
-    lefts, noises = [here], [fitted.misfit.noise]
-    if other is not None and elsewhere is not None:
-        lefts, noises = [here, elsewhere.estimate.cost], [fitted.misfit.noise, other.told_noise]
-    return Account(
-        fitted.plain.twin.body.shape,
-        {name: screened.chances[name] for name in EFFECT_NAMES},
-        explained,
-        {} if other is None else shared,
-        _astray(plain, refitted),
-        tuple(against_ordinary(*one) for one in zip(lefts, noises, strict=True)),
-    )
-
-
-def _shared(
-    fitted: Study, other: Transferred, one: Fitted, plain: tuple[Fitted, Followed], held: Followed
-) -> Explained | None:
-    """What an effect explains that is as strong in both recordings; None: it cannot act in the other."""
-    both = fitted_jointly(one, plain, other, held)
-    if both is None:
-        return None
-    later = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
-    without = (plain[0].estimate.cost, held_out(fitted, plain[0].foretold), plain[1].estimate.cost)
-    return Explained.of(
-        (without[0], both.left[0]), (without[1], held_out(fitted, later)), (without[2], both.left[1])
-    )
-
-
-def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:
-    """How far off the refitted twin's free runs are in each recording, over the size of the object."""
-    size = size_of(plain.world.system.points.double().numpy())
-    runs = [plain.foretold, *([] if there is None else [there])]
-    return tuple(one.error / size for one in runs)

@@ -7,8 +7,10 @@ import pytest
 import torch
 
 from model.gap.bodies.body import body_of
+from model.gap.confirm import Fitted
 from model.gap.estimate import Estimate, Misfit, Span
 from model.gap.evidence import BLOCKS, Column, Evidence
+from model.gap.forecast import forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.learn import Example
 from model.gap.observer import Observer
@@ -228,3 +230,31 @@ def _worlds(count, seed=0, names=("plasticity", "wind", "gravity_tilt", "damage"
         cost = float((plain**2).mean())
         examples.append(Example(made, ("rope", "sheet", "solid")[i % 3], cost, bool(i % 2), acting, "made"))
     return examples
+
+
+@pytest.fixture
+def shaken():
+    """A function: the same object, its hand going another way, so far [m]."""
+    return _shaken
+
+
+def _shaken(still, reach):
+    times = still.times[:, None]
+    swing = reach * np.concatenate([0 * times, np.sin(8 * times), np.cos(5 * times) - 1.0], -1)
+    return replace(still, controllers=(still.controllers + swing[:, None]).astype(np.float32))
+
+
+@pytest.fixture
+def twin():
+    """A function: a twin of a study with effects at these values, as if they had been fitted to it."""
+    return _twin
+
+
+def _twin(study, effects=(), values=()):
+    misfit = study.misfit.of(replace(study.plain, effects=effects))
+    known = {**study.base.values, **dict(values)}
+    vector = misfit.coordinates.vector(known)
+    residuals = misfit(vector[None])[0]
+    slopes = np.zeros((len(residuals), len(vector)))
+    found = replace(study.base, values=known, vector=vector, residuals=residuals, jacobian=slopes)
+    return Fitted(misfit, found, forecast(study.observer, misfit.hypothesis.at(known), study.split))

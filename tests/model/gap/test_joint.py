@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.gap.confirm import Fitted
 from model.gap.effects import QuadraticAirDrag, StaticFriction
-from model.gap.forecast import forecast
 from model.gap.joint import Joint, fitted_jointly
 from model.gap.search import FAINT
 from model.gap.transfer import transferred
@@ -16,33 +14,15 @@ DRAG = "quadratic_air_drag.drag_per_mass"
 TRUE = 4.0
 
 
-def shaken(still, reach):
-    """The same sheet, its hand going another way."""
-    times = still.times[:, None]
-    swing = reach * np.concatenate([0 * times, np.sin(8 * times), np.cos(5 * times) - 1.0], -1)
-    return replace(still, controllers=(still.controllers + swing[:, None]).astype(np.float32))
-
-
 @pytest.fixture
 def dragged(hung, studied):
     return studied(hung, (QuadraticAirDrag(),), {DRAG: TRUE})
 
 
 @pytest.fixture
-def other(hung, studied, dragged):
+def other(hung, studied, dragged, shaken):
     seen = studied(shaken(hung, 0.06), (QuadraticAirDrag(),), {DRAG: TRUE}).observation
     return transferred(dragged, seen)
-
-
-def twin(study, effects=(), values=()):
-    """As if these values had been fitted to the first recording."""
-    misfit = study.misfit.of(replace(study.plain, effects=effects))
-    known = {**study.base.values, **dict(values)}
-    vector = misfit.coordinates.vector(known)
-    residuals = misfit(vector[None])[0]
-    slopes = np.zeros((len(residuals), len(vector)))
-    found = replace(study.base, values=known, vector=vector, residuals=residuals, jacobian=slopes)
-    return Fitted(misfit, found, forecast(study.observer, misfit.hypothesis.at(known), study.split))
 
 
 @pytest.fixture
@@ -91,7 +71,7 @@ def test_slopes_are_those_of_what_is_called(joint, dragged, other):
         np.testing.assert_allclose(slopes[:, i], change, atol=0.02 * np.abs(slopes[:, i]).max() + 1e-6)
 
 
-def test_what_the_first_recording_gets_wrong_the_other_puts_right(dragged, other):
+def test_what_the_first_recording_gets_wrong_the_other_puts_right(dragged, other, twin):
     """Twice as strong as it is, in the first."""
     plain = twin(dragged)
     elsewhere = other.further(other.followed(plain))
@@ -105,7 +85,7 @@ def test_what_the_first_recording_gets_wrong_the_other_puts_right(dragged, other
     assert found.left[0] < 0.8 * plain.estimate.cost
 
 
-def test_what_is_not_there_explains_nothing(hung, studied):
+def test_what_is_not_there_explains_nothing(hung, studied, shaken, twin):
     null = studied(hung)
     other = transferred(null, studied(shaken(hung, 0.06)).observation)
     plain = twin(null)
@@ -118,7 +98,7 @@ def test_what_is_not_there_explains_nothing(hung, studied):
     assert found.left[1] > 0.95 * elsewhere.estimate.cost
 
 
-def test_what_cannot_act_in_the_other_recording_is_not_shared(hung, studied):
+def test_what_cannot_act_in_the_other_recording_is_not_shared(hung, studied, twin):
     ground = replace(hung, ground_height=float(hung.points[0, :, 2].min()) - 0.01)
     study = studied(ground)
     other = transferred(study, studied(hung).observation)

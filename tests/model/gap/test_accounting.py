@@ -1,0 +1,73 @@
+"""What is left with an effect and without it, in one recording or in two."""
+
+from dataclasses import replace
+
+import pytest
+
+from model.gap.accounting import account_of
+from model.gap.confirm import held_out
+from model.gap.effects import QuadraticAirDrag, StaticFriction
+from model.gap.schema import EFFECT_NAMES
+from model.gap.transfer import transferred
+from model.gap.verdict import Judged
+
+DRAG = "quadratic_air_drag.drag_per_mass"
+SCREENED = Judged(dict.fromkeys([*EFFECT_NAMES, "none", "unknown"], 1.0 / 19.0))
+
+
+@pytest.fixture
+def dragged(hung, studied):
+    return studied(hung, (QuadraticAirDrag(),), {DRAG: 4.0})
+
+
+def test_of_one_recording(dragged, twin):
+    plain, dragging = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: 4.0})
+    account = account_of(dragged, None, plain, {"quadratic_air_drag": dragging}, SCREENED, None)
+    assert held_out(dragged, dragging.foretold) < held_out(dragged, plain.foretold)
+    one = account.explained["quadratic_air_drag"]
+    assert one.fitted > 3.0
+    assert one.later > 0.5
+    assert one.elsewhere == 0.0
+    assert account.shared == {}
+    assert account.told == account.explained
+    assert len(account.left) == len(account.astray) == 1
+    assert set(account.screened) == set(EFFECT_NAMES)
+
+
+def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell_it(
+    hung, dragged, studied, shaken, twin
+):
+    seen = studied(shaken(hung, 0.06), (QuadraticAirDrag(),), {DRAG: 4.0}).observation
+    other = transferred(dragged, seen)
+    plain, wrong = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: 8.0})
+    refitted = other.forecast(plain.hypothesis, plain.estimate.values)
+    account = account_of(dragged, other, plain, {"quadratic_air_drag": wrong}, SCREENED, refitted)
+    held, shared = account.explained["quadratic_air_drag"], account.shared["quadratic_air_drag"]
+    assert held.elsewhere < 0.0 < shared.elsewhere
+    assert shared.fitted > held.fitted, "here the first was not fitted at all"
+    assert account.told == account.shared
+    assert len(account.left) == len(account.astray) == 2
+
+
+def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin):
+    null = studied(hung)
+    other = transferred(null, studied(shaken(hung, 0.06)).observation)
+    plain, faint = twin(null), twin(null, (QuadraticAirDrag(),), {DRAG: 1e-4})
+    account = account_of(null, other, plain, {"quadratic_air_drag": faint}, SCREENED, plain.foretold)
+    assert account.explained["quadratic_air_drag"].total == 0.0
+    assert account.shared["quadratic_air_drag"].total == 0.0
+
+
+def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(hung, studied, twin):
+    ground = replace(hung, ground_height=float(hung.points[0, :, 2].min()) - 0.01)
+    study = studied(ground)
+    other = transferred(study, studied(hung).observation)
+    sticky = {f"static_friction.{name}": q.start for name, q in StaticFriction.quantities.items()}
+    one = twin(study, (StaticFriction(),), sticky)
+    # as if the plain twin left twice as much
+    base = twin(study)
+    worse = replace(base, estimate=replace(base.estimate, residuals=2.0**0.5 * one.estimate.residuals))
+    account = account_of(study, other, worse, {"static_friction": one}, SCREENED, base.foretold)
+    shared = account.shared["static_friction"]
+    assert shared.fitted == pytest.approx(0.693, abs=1e-3)
+    assert shared.elsewhere == 0.0
