@@ -15,6 +15,9 @@ from model.types import Array
 
 WEAKER = (1.0, 0.5, 0.25)
 """Of the strength in the first recording, of which it may tell little: where a fit may begin."""
+AGAIN, DIVISIONS = 1.1, 2
+"""A twin that leaves more than so many times what it left when it was fitted is lost to its time steps: these
+are halved so often at most."""
 
 
 class Joint(Residuals):
@@ -125,6 +128,8 @@ def fitted_jointly(
 
     starts = [beginning(by, found, there.estimate.values) for by in WEAKER]
     starts.append(beginning(FAINT, *(each.estimate.values for each in plain)))
+    for misfit, known in ((here, one.estimate), (again, there.estimate)):
+        _settled(misfit, misfit.coordinates.vector({**found, **known.values}), known.cost)
     low, high = joint.bounds
     tried = np.clip(np.stack(starts), low + 1e-6, high - 1e-6)
     begin = min(zip(tried, joint(tried), strict=True), key=lambda pair: _unlikely(joint.left(pair[1])))[0]
@@ -132,6 +137,14 @@ def fitted_jointly(
     return Jointly(
         here.coordinates.values(joint.of_each(result.x)[0]), joint.left(result.fun[: -len(result.x)])
     )
+
+
+def _settled(misfit: Misfit, vector: Float64[Array, " d"], left: float) -> None:
+    """Time divided as finely as a twin needs that was fitted before: from there a fit would not find back."""
+    for _ in range(DIVISIONS):
+        if float((misfit(vector[None]) ** 2).mean()) <= AGAIN * left:
+            break
+        misfit.divide()
 
 
 def _unlikely(left: tuple[float, float]) -> float:

@@ -7,6 +7,7 @@ import pytest
 
 from model.gap.effects import QuadraticAirDrag, StaticFriction
 from model.gap.joint import Joint, fitted_jointly
+from model.gap.observer import Observer
 from model.gap.search import FAINT
 from model.gap.transfer import transferred
 
@@ -107,3 +108,19 @@ def test_what_cannot_act_in_the_other_recording_is_not_shared(hung, studied, twi
     plain = twin(study)
     there = other.followed(plain)
     assert fitted_jointly(one, (plain, there), other, other.followed(one)) is None
+
+
+def test_a_fitted_twin_is_not_lost_to_its_time_steps(dragged, other, twin, monkeypatch):
+    """As by a spring that stiffens: it asks for coarser steps at rest than it needs."""
+    plain, found = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: TRUE})
+    elsewhere = other.further(other.followed(plain))
+    held = other.followed(found)
+    needed = Observer.substeps
+    monkeypatch.setattr(Observer, "substeps", lambda self, world: needed(self, world) // 8)
+    coarse = found.misfit.of(found.hypothesis)
+    lost = float((coarse(found.estimate.vector[None]) ** 2).mean())
+    assert lost > 3.0 * found.estimate.cost
+    both = fitted_jointly(found, (plain, elsewhere), other, held)
+    assert both is not None
+    assert both.left[0] < 1.3 * found.estimate.cost
+    assert both.left[1] < 1.3 * held.estimate.cost
