@@ -12,6 +12,7 @@ import pytest
 
 from model.cli import matphys
 from model.evaluation.matphys import MatPhysMethod
+from model.gap.effects import ALL_EFFECTS
 from model.reconstruction.camera_file import read_camera_file
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -143,3 +144,18 @@ def test_tables_of_the_predictor_are_of_the_one_that_ships():
     }
     prose = page.split("<!-- evaluation:")[0]
     assert all(len(of) == 1 and f"`{next(iter(of))}`" in prose for of in beside.values())
+
+
+def test_the_catalogue_is_the_one_that_there_is():
+    """Every effect with its parameters, their units, and whether it is looked for in parts of the body."""
+    page = text_of(ROOT / "docs" / "diagnosis.md")
+    rows = re.findall(r"^\| `(\w+)` \| [^|]+ \| (`[^|]+) \| *(part)? *\|$", page, re.MULTILINE)
+    said = {name: (parameters, part == "part") for name, parameters, part in rows}
+    is_so = {
+        effect.name: (
+            ", ".join(f"`{name}` [{q.unit}]" for name, q in effect.quantities.items()),
+            effect().local,
+        )
+        for effect in ALL_EFFECTS
+    }
+    assert said == is_so

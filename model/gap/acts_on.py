@@ -51,7 +51,7 @@ class Acting:
     """About how much stronger it is there than where it acts on all alike."""
 
 
-def acting(study: Study, estimate: Estimate, effect: Effect) -> Acting:
+def acting(study: Study, estimate: Estimate, effect: Effect, where: Field | None = None) -> Acting:
     """Where a fitted effect acts.
 
     An effect of grip, hand, ground or surroundings, and a load, acts where its law says. One of the material
@@ -62,10 +62,13 @@ def acting(study: Study, estimate: Estimate, effect: Effect) -> Acting:
 
     Args:
         study: The plain twin, fitted.
-        estimate: The plain twin with this effect on all alike, fitted to the same frames.
+        estimate: The plain twin with this effect, fitted to the same frames.
         effect: What was fitted.
+        where: The place where it was fitted, which it keeps; None: on all alike.
     """
     world = study.plain.with_effect(effect).at(estimate.values)
+    if where is not None:
+        return _acting(world, where.double().numpy(), where)
     natural = _natural(study, world, estimate, effect)
     if natural is not None:
         return _acting(world, natural, None)

@@ -107,15 +107,15 @@ def _from(plain: Fitted, study: Study, misfit: Misfit, start: Float64[Array, " d
 
 
 def localised(study: Study, plain: Fitted, everywhere: Confirmed, place: Acting) -> Confirmed:
-    """One effect fitted again where it acts, if that is a part of the object and leaves less.
+    """One effect fitted again where it acts, if that is another part of the object and leaves less.
 
     Args:
         study: The plain twin's first fit.
         plain: What `refit` made of it.
-        everywhere: The effect on all alike.
+        everywhere: The effect on all alike, or where a search has found it.
         place: Where it was found to act.
     """
-    if place.where is None:
+    if place.where is None or place.where is everywhere.hypothesis.where:
         return everywhere
     (effect,) = everywhere.hypothesis.effects
     misfit = study.misfit.of(replace(everywhere.hypothesis, where=place.where))

@@ -119,7 +119,8 @@ def _screened(fitted: Study, other: Transferred | None, tell: Progress) -> _Scre
 
 
 def _fitted(fitted: Study, plain: Fitted, screened: _Screened, name: EffectName) -> Confirmed:
-    return confirm(fitted, plain, (screened.effects[name],), screened.begins[name].vector)
+    begun = screened.begins[name]
+    return confirm(fitted, plain, (screened.effects[name],), begun.vector, begun.where)
 
 
 def _tried(
@@ -145,7 +146,8 @@ def _tried(
         alone = min(confirmed[best].foretold.error, plain.foretold.error)
         if both.foretold.error >= BETTER * alone or both.evidence <= confirmed[best].evidence:
             both = None
-    place = acting(fitted, confirmed[best].estimate, effects[best])
+    one = confirmed[best]
+    place = acting(fitted, one.estimate, effects[best], one.hypothesis.where)
     if both is not None:
         return Tried(verdict, confirmed, second, both, place, account)
     confirmed[best] = localised(fitted, plain, confirmed[best], place)

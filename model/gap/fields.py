@@ -43,12 +43,20 @@ def first_places_of(points: Float64[Array, "P 3"]) -> list[Place]:
     Args:
         points: At rest [m].
     """
+    return [*halves_of(points), *(_patch(points, points[i], RADIUS) for i in centres(points, PATCHES))]
+
+
+def halves_of(points: Float64[Array, "P 3"]) -> list[Place]:
+    """Both sides of a cut across each axis of the body.
+
+    Args:
+        points: At rest [m].
+    """
     centred = points - points.mean(0)
     axes = np.linalg.svd(centred, full_matrices=False)[2]
     lengths = np.ptp(centred @ axes.T, axis=0)
     directions = [sign * axis for axis in axes[lengths > THIN * lengths.max()] for sign in (1.0, -1.0)]
-    sides = [_side(points, direction, CUT) for direction in directions]
-    return [*sides, *(_patch(points, points[i], RADIUS) for i in centres(points, PATCHES))]
+    return [_side(points, direction, CUT) for direction in directions]
 
 
 def near_places_of(points: Float64[Array, "P 3"], place: Place) -> list[Place]:

@@ -4,6 +4,7 @@ What is clear is far from linear: a hand that is a third of a second late is for
 delay of 0.03 s does. So each effect is tried at sizes from faint to overwhelming before any is left out.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -12,8 +13,9 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
-from model.gap.effects.base import Effect
+from model.gap.effects.base import Effect, Field
 from model.gap.estimate import LOOSE, STEPS, Misfit
+from model.gap.fields import halves_of, tensor
 from model.gap.heading import heading
 from model.gap.probes import probes
 from model.gap.schema import EFFECT_NAMES
@@ -27,6 +29,8 @@ STRENGTHS = (0.25, 1.0, 4.0, 16.0)
 """Of what a probe is."""
 FAINT = 0.04
 """So little that hardly anything is different: where an effect begins that helps in no strength."""
+HALF = 0.9
+"""An effect acts in a half of the body if it leaves less than this share there of what it does everywhere."""
 SHARES = (1.0, 0.5, 0.2)
 """Of a step, the best of which is taken: a whole one may lead across a kink."""
 
@@ -39,6 +43,10 @@ class Begun:
     """Coordinates of the twin's own parameters and of the effects'."""
     left: float
     """Mean square of what is left unexplained there."""
+    where: Field | None = None
+    """How strongly the effects act on each mass point, 0..1; None: on all alike."""
+    promised: float = math.inf
+    """Mean square that would have been left before the step, were the plain twin's parameters to follow."""
 
 
 def searched(
@@ -60,7 +68,24 @@ def searched(
         tell(done / len(by_name))
         tried = [_named(effect, effect.turned(values, angle)) for values in probes(effect)]
         found[name] = beginning(study, (effect,), tried)
+        if effect.local:
+            found[name] = _in_a_half(study, effect, tried, found[name])
     return {name: found[name] for name in sorted(found, key=lambda name: found[name].left)}
+
+
+def _in_a_half(study: Study, effect: Effect, tried: Sequence[Mapping[str, float]], there: Begun) -> Begun:
+    """Where it acts in a half of the body only, if a step from there leaves much less; else as it was.
+
+    What puts one half right and acts on all alike makes the other as wrong: it is faint then, or explains
+    nothing.
+    """
+    halves = [tensor(place.field) for place in halves_of(study.plain.twin.body.points)]
+    found = [_found(study, (effect,), tried, where) for where in halves]
+    best = min(found, key=lambda one: one.promised)
+    if best.promised >= there.promised:
+        return there
+    placed = _begun(study, best, tried)
+    return placed if placed.left < HALF * there.left else there
 
 
 def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str, float]]) -> Begun:
@@ -72,17 +97,47 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
         tried: Values by `effect.quantity`, each looked at in all strengths; what is not given starts where
             its effect says.
     """
-    misfit = study.misfit.of(replace(study.plain, effects=effects))
+    return _begun(study, _found(study, effects, tried), tried)
+
+
+@dataclass(frozen=True)
+class _Strength:
+    """What promises most of all that was tried."""
+
+    misfit: Misfit
+    vector: Float64[Array, " d"]
+    faint: Float64[Array, " d"]
+    """The same with hardly any of the effects."""
+    promised: float
+    """Mean square that would be left, were the plain twin's parameters to follow linearly."""
+
+
+def _found(
+    study: Study,
+    effects: tuple[Effect, ...],
+    tried: Sequence[Mapping[str, float]],
+    where: Field | None = None,
+) -> _Strength:
+    """Which of all strengths of what is tried promises most, where effects act on all alike or in a place."""
+    misfit = study.misfit.of(replace(study.plain, effects=effects, where=where))
     known = _known(misfit, study.base.values, tried)
     starts = _in_all_strengths(misfit, known)
-    best = _promising(study, misfit, starts)
+    left = _linearly_left(study, misfit(starts))
+    best = int(left.argmin())
+    faint = strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
+    return _Strength(misfit, starts[best], faint, float(left[best]) / misfit.size)
+
+
+def _begun(study: Study, found: _Strength, tried: Sequence[Mapping[str, float]]) -> Begun:
+    """A step from there; or hardly any of it, where a step leaves more."""
+    misfit = found.misfit
     misfit.settle()
-    there = _stepped(misfit, starts[best])
+    there = _stepped(misfit, found.vector)
     if study.plain.twin.given:
         there = _as_given(study, misfit, tried, there)
-    faint = strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
-    left = float((misfit(faint[None])[0] ** 2).mean())
-    return there if there.left < left else Begun(faint, left)
+    left = float((misfit(found.faint[None])[0] ** 2).mean())
+    best = there if there.left < left else Begun(found.faint, left)
+    return replace(best, where=misfit.hypothesis.where, promised=found.promised)
 
 
 def _as_given(study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]], there: Begun) -> Begun:
@@ -128,12 +183,12 @@ def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]
     )
 
 
-def _promising(study: Study, misfit: Misfit, starts: Float64[Array, "s d"]) -> int:
-    """Which of these would leave least, were the plain twin's parameters to follow."""
-    left, jacobian = misfit(starts), study.base.jacobian
-    slopes = left @ jacobian
-    explained = (slopes * np.linalg.solve(_normal(jacobian), slopes.T).T).sum(1)
-    return int(((left**2).sum(1) - explained).argmin())
+def _linearly_left(study: Study, left: Float64[Array, "s m"]) -> Float64[Array, " s"]:
+    """Sums of squares, were the plain twin's parameters to follow linearly."""
+    slopes = left @ study.base.jacobian
+    explained = (slopes * np.linalg.solve(_normal(study.base.jacobian), slopes.T).T).sum(1)
+    squares: Float64[Array, " s"] = (left**2).sum(1) - explained
+    return squares
 
 
 def _stepped(misfit: Misfit, start: Float64[Array, " d"]) -> Begun:

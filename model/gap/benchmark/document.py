@@ -13,9 +13,16 @@ from model.gap.report.style import png
 
 HEAD = """# The withheld check
 
-Worlds made by code that shares nothing with our simulator (`benchmarks/reality/`), diagnosed before their
-labels were read. `matphys gap-benchmark` diagnoses a folder of worlds, writes `predictions.json`, hashes it,
-opens the labels and writes its section of this page.
+How well `matphys diagnose` does on worlds whose truth it was not told: simulated by code that shares
+nothing with our simulator (`benchmarks/reality/`), and diagnosed before their labels were read. `matphys
+gap-benchmark` diagnoses a folder of worlds, writes `predictions.json`, hashes it, opens the labels and
+writes its section of this page.
+
+A *world* is two recordings of one simulated object, in two interactions, of which it is known what the
+twin of such an object lacks. *Healthy*: nothing. *Clear*: an effect of the catalogue that leaves twice
+as much as noise and discretisation, or more, after a plain twin was refitted. *Unknown*: something that
+is not in the catalogue. The *plain twin* is the one without any effect. *ECE* is the expected
+calibration error, *AUC* the area under the receiver's curve.
 
 """
 NOTES = """\
@@ -27,7 +34,8 @@ on a part of the object; a wrong verdict counts with what it says. *Gap closed* 
 of the interaction that the diagnosis was given as transfer. *Cover*: actuation delay, direction of gravity,
 share of slackness, excess mass and static friction, where rightly named; other quantities mean different
 things in different laws. *ECE by chance* is what a judge whose probabilities are right has on as many worlds,
-and where 95 % of such judges are. *Asked* is the issue's bar, *good* and *astonishing* are GAP.md's.
+and where 95 % of such judges are. *Asked* is what this project has set itself, *good* and *astonishing* are
+further marks. Where more than one answer is right, the truth is taken to be the one that was given, if it is.
 """
 
 
@@ -70,7 +78,7 @@ def section(run: Run, table: Table, worlds: Sequence[Outcome]) -> Section:
         _scores(table.rows),
         NOTES.strip(),
         _ladder(table),
-        _scores(table.kinds),
+        *([_scores(table.kinds)] if table.kinds else []),
         _mistakes(clear),
     ]
     images = {name: (caption, png(figure)) for name, (caption, figure) in drawn.items()}
@@ -100,7 +108,7 @@ def _scores(rows: Sequence[Row]) -> str:
 
 
 def _ladder(table: Table) -> str:
-    lines = ["| signal-to-noise | rightly named | something missing | n |", "|---|---|---|---|"]
+    lines = ["| signal-to-noise near | rightly named | something missing | n |", "|---|---|---|---|"]
     for rung in table.ladder:
         named, noticed = _figure(rung.named), _figure(rung.noticed)
         lines.append(f"| {rung.magnitude:g} | {named} | {noticed} | {rung.named.count} |")

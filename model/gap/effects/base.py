@@ -79,6 +79,11 @@ class Effect(ABC):
         """How strongly it acts on each mass point, 0..1, as a report shows it."""
         return on_points(world, where)
 
+    @property
+    def local(self) -> bool:
+        """It may act in any part of the body: the law does not say where."""
+        return self.acts == "body" and type(self).strength is Effect.strength
+
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
         """The values of the same effect where all is turned by this angle [rad] about the vertical."""
         return dict(values)

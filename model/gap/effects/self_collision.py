@@ -25,6 +25,11 @@ class SelfContact(Effect):
     terms = (SelfCollision,)
     confused_with: ClassVar[Mapping[str, str]] = {"tension_only": "fold it so that its sides touch"}
 
+    @property
+    def local(self) -> bool:
+        """Where parts meet, and nowhere else."""
+        return False
+
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Let points collide; the distance is a choice, and has no gradient."""
         distance = values["distance"].detach() * world.spacing

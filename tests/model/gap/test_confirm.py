@@ -111,6 +111,10 @@ def test_what_acts_in_a_half_is_fitted_there(pulled, studied):
     perfect = replace(everywhere, estimate=exact)
     assert localised(study, plain, perfect, place) is perfect
     assert localised(study, plain, everywhere, replace(place, where=None)) is everywhere
+    kept = acting(study, there.estimate, StrainStiffening(), there.hypothesis.where)
+    assert kept.local
+    np.testing.assert_array_equal(kept.field, there.hypothesis.where.numpy())
+    assert localised(study, plain, there, kept) is there
 
 
 def test_a_promising_fit_is_followed_to_its_end(dragged):

@@ -5,13 +5,16 @@ from typing import ClassVar
 
 import pytest
 
-from model.gap.effects import ActuationDelay, QuadraticAirDrag
+from model.gap.effects import ActuationDelay, Plasticity, QuadraticAirDrag
 from model.gap.effects.base import Quantity
+from model.gap.fields import halves_of, tensor
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
-from model.gap.search import FAINT, beginning, searched, values_of
+from model.gap.probes import probes
+from model.gap.search import FAINT, HALF, beginning, searched, values_of
 
 DRAG, DELAY = "quadratic_air_drag.drag_per_mass", "actuation_delay.delay"
+YIELDS = {"plasticity.flow_rate": 20.0, "plasticity.yield_strain": 0.02}
 
 
 @pytest.fixture
@@ -103,3 +106,31 @@ def test_what_a_given_twin_came_with_is_begun_from_as_well(dragged, monkeypatch,
     near = stiffness == pytest.approx(dragged.base.values["stiffness"], rel=0.5)
     assert near == given
     assert (found.left < 0.7 * dragged.base.cost) == given
+
+
+def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
+    """A sheet of which one half yields where it is pulled."""
+    halves = [tensor(place.field) for place in halves_of(studied(pulled).plain.twin.body.points)]
+    study = studied(pulled, (Plasticity(),), YIELDS, halves[0])
+    plastic = [effect for effect in able_effects(study) if effect.name == "plasticity"]
+    found = searched(study, plastic)["plasticity"]
+    assert found.where is not None
+    apart = [float((found.where - half).abs().max()) for half in halves]
+    assert apart.index(min(apart)) == 0
+    tried = [{f"plasticity.{name}": value for name, value in one.items()} for one in probes(plastic[0])]
+    assert found.left < HALF * beginning(study, tuple(plastic), tried).left
+    misfit = study.misfit.of(replace(study.plain, effects=tuple(plastic), where=found.where))
+    assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-6)
+
+
+def test_what_acts_everywhere_begins_everywhere(pulled, studied):
+    study = studied(pulled, (Plasticity(),), YIELDS)
+    plastic = [effect for effect in able_effects(study) if effect.name == "plasticity"]
+    assert searched(study, plastic)["plasticity"].where is None
+
+
+def test_only_the_material_is_searched_for_in_halves(dragged):
+    assert {effect.name for effect in able_effects(dragged) if effect.local} <= {
+        *("strain_stiffening", "viscoelasticity", "plasticity", "damage", "tension_only", "anisotropy"),
+        *("bending_stiffness", "volume_preservation"),
+    }
