@@ -25,7 +25,7 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from benchmarks.gap.development import done_by, open_labels_of
-from model.gap.account import Account, Explained
+from model.gap.account import MEANING, Account, Explained
 from model.gap.benchmark.predict import taken_of
 from model.gap.benchmark.scores import calibration_error
 from model.gap.classifier import NONE, UNKNOWN
@@ -86,9 +86,9 @@ class Told:
         """What `gather` wrote."""
         content = json.loads(path.read_bytes())
         account = content.pop("account")
-        if "shared" not in account:
+        if content.pop("meaning", None) != MEANING:
             raise SystemExit(
-                f"{path}: gathered before effects were fitted to both recordings; remove it and gather again"
+                f"{path}: gathered when accounts meant something else; remove it and gather again"
             )
         explained, shared = (
             {name: Explained(**each) for name, each in account[part].items()}
@@ -110,7 +110,8 @@ def gathered(
     taken, transfer = taken_of(folder / f"{world}.npz")
     account = diagnose(taken.observation, transfer=transfer).account
     assert account is not None
-    kept.write_text(json.dumps(asdict(Told(world, folder.name, right, magnitude, account)), indent=1))
+    told = Told(world, folder.name, right, magnitude, account)
+    kept.write_text(json.dumps({"meaning": MEANING} | asdict(told), indent=1))
     return kept.name
 
 

@@ -18,6 +18,9 @@ FINEST = 1e-3
 """No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
 no less noise."""
 
+MEANING = 3
+"""Of an account, counted up whenever what it tells is measured otherwise: no weights are learned of both."""
+
 Left = tuple[float, float]
 """Mean squares that the refitted twin leaves unexplained without an effect, and with it."""
 
@@ -35,7 +38,7 @@ class Explained:
     later: float = 0.0
     """In later frames of the same recording."""
     elsewhere: float = 0.0
-    """In another recording; 0: there is none."""
+    """In another recording; 0: there is none, or the effect cannot act there, or explains nothing here."""
 
     @classmethod
     def of(cls, fitted: Left, later: Left, elsewhere: Left | None = None) -> "Explained":
@@ -60,9 +63,9 @@ class Account:
     screened: Mapping[EffectName, float]
     """Probability of each effect by score tests, before any was fitted."""
     explained: Mapping[EffectName, Explained]
-    """By each effect that was fitted to the first recording; in the other as strong as that says."""
+    """By each effect, fitted to the first recording alone."""
     shared: Mapping[EffectName, Explained]
-    """By each that was fitted to both recordings at once, as strong in both."""
+    """By each effect, as strong in both recordings and fitted to both at once; empty: there is no other."""
     astray: tuple[float, ...]
     """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     left: tuple[float, ...]
@@ -77,8 +80,7 @@ class Account:
     @property
     def alone(self) -> "Account":
         """The same without the other recording."""
-        here = {name: replace(one, elsewhere=0.0) for name, one in self.explained.items()}
-        return replace(self, explained=here, shared={}, astray=self.astray[:1], left=self.left[:1])
+        return replace(self, shared={}, astray=self.astray[:1], left=self.left[:1])
 
 
 def against_ordinary(left: float, noise: float) -> float:

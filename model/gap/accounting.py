@@ -15,6 +15,9 @@ from model.schema import EffectName
 
 SEEN = 0.98
 """An effect that leaves more than this share of what the plain twin does is not there to be seen."""
+SHARED = 0.9
+"""One that leaves more than this share is not fitted to both recordings: what it explains in the other counts
+at most as much as that, and each such fit takes as long as the first."""
 
 
 def account_of(
@@ -27,9 +30,6 @@ def account_of(
 ) -> Account:
     """What each fitted effect explains, and where the plain twin is lost.
 
-    One that explains nothing in the frames of its fit is not tried anywhere else: there is no strength to try
-    it with.
-
     Args:
         fitted: The first recording.
         other: The other one; None: there is none.
@@ -38,47 +38,42 @@ def account_of(
         screened: What score tests say.
         refitted: What `plain` foretells in the other recording.
     """
-    here, later = plain.estimate.cost, held_out(fitted, plain.foretold)
-    # as many steps more as an effect gets in both recordings
-    elsewhere = None if other is None else other.further(other.followed(plain))
-    explained: dict[EffectName, Explained] = {}
+    cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
+    seen = {name: one for name, one in confirmed.items() if one.estimate.cost < SEEN * cost}
+    explained = dict.fromkeys(confirmed, Explained())
+    for name, one in seen.items():
+        explained[name] = Explained.of((cost, one.estimate.cost), (later, held_out(fitted, one.foretold)))
     shared: dict[EffectName, Explained] = {}
-    for name, one in confirmed.items():
-        if one.estimate.cost >= SEEN * here:
-            explained[name] = shared[name] = Explained()
-            continue
-        left = (here, one.estimate.cost), (later, held_out(fitted, one.foretold))
-        if other is None or elsewhere is None:
-            explained[name] = Explained.of(*left)
-            continue
-        held = other.followed(one)
-        explained[name] = Explained.of(*left, (elsewhere.estimate.cost, held.estimate.cost))
-        shared[name] = _shared(fitted, other, one, (plain, elsewhere), held) or Explained.of(*left)
-    lefts, noises = [here], [fitted.misfit.noise]
-    if other is not None and elsewhere is not None:
-        lefts, noises = [here, elsewhere.estimate.cost], [fitted.misfit.noise, other.told_noise]
+    left = [against_ordinary(cost, fitted.misfit.noise)]
+    if other is not None:
+        # as many rounds as an effect gets there: to be followed, and from hardly any of it to be shared
+        there = other.further(other.further(other.followed(plain)))
+        shared = {
+            name: _shared(fitted, other, seen[name], plain, there)
+            if name in seen and seen[name].estimate.cost < SHARED * cost
+            else explained[name]
+            for name in confirmed
+        }
+        left.append(against_ordinary(there.estimate.cost, other.told_noise))
     return Account(
         fitted.plain.twin.body.shape,
         {name: screened.chances[name] for name in EFFECT_NAMES},
         explained,
-        {} if other is None else shared,
+        shared,
         _astray(plain, refitted),
-        tuple(against_ordinary(*one) for one in zip(lefts, noises, strict=True)),
+        tuple(left),
     )
 
 
-def _shared(
-    fitted: Study, other: Transferred, one: Fitted, plain: tuple[Fitted, Followed], held: Followed
-) -> Explained | None:
-    """What an effect explains that is as strong in both recordings; None: it cannot act in the other."""
-    both = fitted_jointly(one, plain, other, held)
+def _shared(fitted: Study, other: Transferred, one: Fitted, plain: Fitted, there: Followed) -> Explained:
+    """What an effect explains that is as strong in both recordings; here alone, if it cannot act there."""
+    both = fitted_jointly(one, plain, other, there)
+    cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
     if both is None:
-        return None
-    later = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
-    without = (plain[0].estimate.cost, held_out(fitted, plain[0].foretold), plain[1].estimate.cost)
-    return Explained.of(
-        (without[0], both.left[0]), (without[1], held_out(fitted, later)), (without[2], both.left[1])
-    )
+        return Explained.of((cost, one.estimate.cost), (later, held_out(fitted, one.foretold)))
+    foretold = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
+    elsewhere = (there.estimate.cost, both.left[1])
+    return Explained.of((cost, both.left[0]), (later, held_out(fitted, foretold)), elsewhere)
 
 
 def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:

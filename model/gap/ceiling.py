@@ -24,4 +24,4 @@ def ceiling(study: Study, plain: Fitted) -> Fitted:
     hypothesis = replace(study.plain, effects=able)
     silent = {name: quantity.start for name, quantity in hypothesis.quantities.items()}
     start = study.misfit.of(hypothesis).coordinates.vector({**silent, **plain.estimate.values})
-    return fitted(study, hypothesis, start, STEPS)
+    return fitted(study, hypothesis, start, STEPS, slopes=False)

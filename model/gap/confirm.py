@@ -126,14 +126,21 @@ def localised(study: Study, plain: Fitted, everywhere: Confirmed, place: Acting)
     return local if local.estimate.cost < everywhere.estimate.cost else everywhere
 
 
-def fitted(study: Study, hypothesis: Hypothesis, start: Float64[Array, " d"], steps: int = STEPS) -> Fitted:
+def fitted(
+    study: Study,
+    hypothesis: Hypothesis,
+    start: Float64[Array, " d"],
+    steps: int = STEPS,
+    *,
+    slopes: bool = True,
+) -> Fitted:
     """From a start near a fitted plain twin, over all frames at once, in as many steps as any fit gets.
 
     Growing horizons are for who starts far away: from here they lead astray as often as they help, and the
     fit would no longer be sure to end at least as well as it began.
     """
     misfit = study.misfit.of(hypothesis)
-    found = estimate(misfit, start[None], steps, study.split)
+    found = estimate(misfit, start[None], steps, study.split, slopes=slopes)
     return Fitted(misfit, found, forecast(study.observer, hypothesis.at(found.values), study.split))
 
 

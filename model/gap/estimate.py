@@ -143,9 +143,13 @@ class Misfit(Residuals):
         """Forget how finely time was divided for worlds that were looked at before."""
         self._substeps = 0
 
-    def divide(self) -> None:
-        """Divide time twice as finely as before: a spring that stiffens needs more than it does at rest."""
-        self._substeps *= 2
+    def divide(self, times: float) -> None:
+        """Divide time so many times as finely: a spring that stiffens needs more than it does at rest.
+
+        Only after a call, which finds out what is needed at rest.
+        """
+        assert self._substeps, "nothing was divided yet"
+        self._substeps = max(1, round(times * self._substeps))
 
     def _divided(self, world: World) -> int:
         """Substeps per frame: the same for all worlds of a fit, so that none differs by its time steps."""
@@ -209,7 +213,12 @@ class Estimate:
 
 
 def estimate(
-    misfit: Misfit, starts: Float64[Array, "s d"], steps: int, shortest: int = FIRST_HORIZON
+    misfit: Misfit,
+    starts: Float64[Array, "s d"],
+    steps: int,
+    shortest: int = FIRST_HORIZON,
+    *,
+    slopes: bool = True,
 ) -> Estimate:
     """The best of several starts, followed to its minimum over a growing horizon.
 
@@ -222,6 +231,7 @@ def estimate(
         steps: Gauss-Newton steps at most for each horizon; each costs one rollout per coordinate, and one.
             The first only looks at the slopes where the horizon starts.
         shortest: Frames of the first horizon; who starts near the minimum needs no short ones.
+        slopes: Where it ends slopes are looked at as well. Without, they are those of the step before.
     """
     spent = 0
     vector = found = None
@@ -232,7 +242,8 @@ def estimate(
             inside = np.clip(starts, low + 1e-6, high - 1e-6)
             vector = inside[int((part(inside) ** 2).mean(1).argmin())] if len(inside) > 1 else inside[0]
             part.settle()
-        found = descended(part, vector, starts[0], steps)
+        ends = last == misfit.span.last
+        found = descended(part, vector, starts[0], steps, slopes=slopes and ends)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)
         spent += part.evaluations
     assert vector is not None
@@ -258,7 +269,12 @@ def _horizons(span: Span, frames: int) -> list[int]:
 
 
 def descended(
-    misfit: Residuals, vector: Float64[Array, " d"], believed: Float64[Array, " d"], steps: int
+    misfit: Residuals,
+    vector: Float64[Array, " d"],
+    believed: Float64[Array, " d"],
+    steps: int,
+    *,
+    slopes: bool = True,
 ) -> OptimizeResult:
     """Gauss-Newton with wide differences, then with fine ones.
 
@@ -269,6 +285,8 @@ def descended(
         vector: Where to begin, within the bounds.
         believed: Coordinates that are believed beforehand, `LOOSE` far.
         steps: At most; the first only looks at the slopes.
+        slopes: Are looked at where it ends as well, which costs as much as a step. Without, what is returned
+            has those of the step before.
 
     Returns:
         Of `scipy.optimize.least_squares`; the last residuals, one a coordinate, are of what is believed.
@@ -277,13 +295,20 @@ def descended(
     def residuals(at: Float64[Array, " d"]) -> Float64[Array, " r"]:
         return np.concatenate([misfit(at[None])[0], (at - believed) / LOOSE])
 
+    seen: list[Float64[Array, "r d"]] = []
+
+    def jacobian(at: Float64[Array, " d"], width: float) -> Float64[Array, "r d"]:
+        if slopes or len(seen) < max(1, steps - 1):
+            seen.append(np.concatenate([misfit.jacobian(at, width), np.eye(len(at)) / LOOSE]))
+        return seen[-1]
+
     low, high = misfit.bounds
     left, found = steps, None
     for width in STEPS:
         found = least_squares(
             residuals,
             vector,
-            lambda at, width=width: np.concatenate([misfit.jacobian(at, width), np.eye(len(at)) / LOOSE]),
+            lambda at, width=width: jacobian(at, width),
             bounds=(low, high),
             max_nfev=1 + TRIALS * (left - 1),
             xtol=0.05 * width,

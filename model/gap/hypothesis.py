@@ -37,6 +37,11 @@ class Hypothesis:
         return {name: q for name, q in {**self.twin.quantities, **own}.items() if name not in held}
 
     @property
+    def of_effects(self) -> tuple[str, ...]:
+        """Names of the quantities of its effects, free or not."""
+        return tuple(f"{effect.name}.{name}" for effect in self.effects for name in effect.quantities)
+
+    @property
     def together(self) -> bool:
         """Many of its worlds can be rolled out at once."""
         return all(effect.together for effect in self.effects)

@@ -1,5 +1,6 @@
 """An effect fitted to two recordings of an object at once: as strong in both, all else as in each alone."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -8,6 +9,7 @@ from jaxtyping import Float64, Int64
 
 from model.gap.confirm import Fitted
 from model.gap.estimate import Misfit, Residuals, descended
+from model.gap.hypothesis import Hypothesis
 from model.gap.search import FAINT, strong
 from model.gap.study import STEPS
 from model.gap.transfer import Followed, Transferred
@@ -15,9 +17,10 @@ from model.types import Array
 
 WEAKER = (1.0, 0.5, 0.25)
 """Of the strength in the first recording, of which it may tell little: where a fit may begin."""
-AGAIN, DIVISIONS = 1.1, 2
-"""A twin that leaves more than so many times what it left when it was fitted is lost to its time steps: these
-are halved so often at most."""
+LEAST = 1e-12
+"""Of what is left."""
+NEEDED, DIVISIONS = 0.7, 2
+"""Time steps are halved while that leaves less than this share, so often at most."""
 
 
 class Joint(Residuals):
@@ -31,14 +34,20 @@ class Joint(Residuals):
         left: Mean squares, over those of the sensor, that are noise to a fit: what no twin explains.
     """
 
-    def __init__(self, misfits: tuple[Misfit, Misfit], left: tuple[float, float]) -> None:
+    def __init__(self, misfits: tuple[Misfit, Misfit], left: tuple[float, float] = (1.0, 1.0)) -> None:
         """See the class."""
-        self._misfits, self._scales = misfits, tuple(float(one) ** -0.5 for one in left)
+        self._misfits = misfits
+        # both count alike, however many frames and points each has
+        usual = 0.5 * sum(misfit.size for misfit in misfits)
+        self._scales = tuple(
+            (usual / (misfit.size * max(one, LEAST))) ** 0.5
+            for misfit, one in zip(misfits, left, strict=True)
+        )
         names = [misfit.coordinates.names for misfit in misfits]
-        alike = [name for name in names[0] if _of_effect(name)]
-        if alike != [name for name in names[1] if _of_effect(name)]:
+        alike = list(misfits[0].hypothesis.of_effects)
+        if alike != list(misfits[1].hypothesis.of_effects):
             raise ValueError(f"{names[0]} and {names[1]} are not of the same effect")
-        own = [[name for name in each if not _of_effect(name)] for each in names]
+        own = [[name for name in each if name not in alike] for each in names]
         self._count = len(alike) + len(own[0]) + len(own[1])
         begins = len(alike), len(alike) + len(own[0])
         self._places: tuple[Int64[Array, " k"], ...] = tuple(
@@ -98,58 +107,71 @@ class Jointly:
     """Mean square of what is left unexplained in each, over the sensor's noise."""
 
 
-def fitted_jointly(
-    one: Fitted, plain: tuple[Fitted, Followed], other: Transferred, there: Followed
-) -> Jointly | None:
+def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Followed) -> Jointly | None:
     """An effect in both recordings at once, from where it is in the first; None: it cannot act in the other.
 
     What the first recording hardly tells of an effect the other may tell: held as strong as the first asks
-    for, what is really missing did harm there as often as not. What the effect leaves in each recording, free
-    in the first and held in the other, counts as its noise: the first order of a likelihood whose noise is
-    what remains. Of some places to begin the likeliest is followed.
+    for, what is really missing did harm there as often as not. Of some places to begin the likeliest is
+    followed. What is left there in each recording counts as its noise: the first order of a likelihood whose
+    noise is what remains.
 
     Args:
         one: Fitted to the first recording.
-        plain: Twins without effects, fitted to each recording.
+        plain: The twin without effects, fitted to the first recording.
         other: The other recording.
-        there: `one` in the other recording, its effect as strong as in the first.
+        elsewhere: `plain` in the other recording.
     """
     hypothesis = other.hypothesis(one.hypothesis)
     if len(hypothesis.effects) < len(one.hypothesis.effects):
         return None
-    here, again = one.misfit, other.misfit(hypothesis)
-    joint = Joint((here, again), (one.estimate.cost, min(there.estimate.cost, plain[1].estimate.cost)))
-    found = dict(one.estimate.values)
+    there = other.followed(one)
+    here, again = one.misfit.of(one.hypothesis), other.misfit(hypothesis)
+    joint = Joint((here, again))
+    found, followed = one.estimate.values, {**one.estimate.values, **there.estimate.values}
+    for misfit, values in ((here, found), (again, followed)):
+        _settled(misfit, misfit.coordinates.vector(values))
+    little = _moderate(one.hypothesis, found)
+    own = (plain.estimate.values, elsewhere.estimate.values)
+    without = ({**found, **little, **values} for values in own)
     count = len(one.hypothesis.effects)
 
-    def beginning(by: float, *own: Mapping[str, float]) -> Float64[Array, " d"]:
-        each = zip((here, again), own, strict=True)
-        return joint.vector(*(strong(misfit, {**found, **known}, (by,) * count) for misfit, known in each))
+    def beginning(by: float, *values: Mapping[str, float]) -> Float64[Array, " d"]:
+        each = zip((here, again), values, strict=True)
+        return joint.vector(*(strong(misfit, known, (by,) * count) for misfit, known in each))
 
-    starts = [beginning(by, found, there.estimate.values) for by in WEAKER]
-    starts.append(beginning(FAINT, *(each.estimate.values for each in plain)))
-    for misfit, known in ((here, one.estimate), (again, there.estimate)):
-        _settled(misfit, misfit.coordinates.vector({**found, **known.values}), known.cost)
+    starts = [*(beginning(by, found, followed) for by in WEAKER), beginning(FAINT, *without)]
     low, high = joint.bounds
     tried = np.clip(np.stack(starts), low + 1e-6, high - 1e-6)
-    begin = min(zip(tried, joint(tried), strict=True), key=lambda pair: _unlikely(joint.left(pair[1])))[0]
-    result = descended(joint, begin, begin, STEPS)
+    lefts = [joint.left(residuals) for residuals in joint(tried)]
+    best = int(np.argmin([np.log(left).sum() for left in lefts]))
+    joint = Joint((here, again), lefts[best])
+    result = descended(joint, tried[best], tried[best], STEPS, slopes=False)
     return Jointly(
         here.coordinates.values(joint.of_each(result.x)[0]), joint.left(result.fun[: -len(result.x)])
     )
 
 
-def _settled(misfit: Misfit, vector: Float64[Array, " d"], left: float) -> None:
-    """Time divided as finely as a twin needs that was fitted before: from there a fit would not find back."""
+def _moderate(hypothesis: Hypothesis, values: Mapping[str, float]) -> dict[str, float]:
+    """Amplitudes no larger than fits begin with: of one that ran to its bound hardly any is still much."""
+    amplitudes = {f"{e.name}.{name}": e.quantities[name] for e in hypothesis.effects for name in e.absent}
+    return {
+        name: math.copysign(min(abs(values[name]), abs(quantity.start)), values[name])
+        for name, quantity in amplitudes.items()
+        if quantity.start
+    }
+
+
+def _settled(misfit: Misfit, vector: Float64[Array, " d"]) -> None:
+    """Time divided as finely as a twin needs: from where it is lost to its time steps no fit finds back."""
+
+    def left() -> float:
+        return float((misfit(vector[None]) ** 2).mean())
+
+    before = left()
     for _ in range(DIVISIONS):
-        if float((misfit(vector[None]) ** 2).mean()) <= AGAIN * left:
+        misfit.divide(2.0)
+        now = left()
+        if now > NEEDED * before:
+            misfit.divide(0.5)
             break
-        misfit.divide()
-
-
-def _unlikely(left: tuple[float, float]) -> float:
-    return float(np.log(left).sum())
-
-
-def _of_effect(name: str) -> bool:
-    return "." in name
+        before = now

@@ -93,13 +93,13 @@ class Transferred:
         """
         here = self.hypothesis(one.hypothesis)
         values = one.estimate.values
-        fixed = {name: values[name] for name in here.quantities if "." in name}
-        return self._followed(here.holding(fixed), values)[0]
+        fixed = {name: values[name] for name in here.of_effects}
+        return self._followed(here.holding(fixed), values, slopes=False)[0]
 
     def further(self, found: Followed) -> Followed:
         """The same after as many more steps; as it was where these lead to nothing better."""
         whole = len(self.twin.observation.times)
-        more = estimate(found.misfit, found.estimate.vector[None], STEPS, whole)
+        more = estimate(found.misfit, found.estimate.vector[None], STEPS, whole, slopes=False)
         return Followed(found.misfit, more) if more.cost < found.estimate.cost else found
 
     def misfit(self, hypothesis: Hypothesis) -> Misfit:
@@ -119,14 +119,14 @@ class Transferred:
         return replace(hypothesis, twin=self.twin, effects=able)
 
     def _followed(
-        self, hypothesis: Hypothesis, values: Mapping[str, float]
+        self, hypothesis: Hypothesis, values: Mapping[str, float], *, slopes: bool = True
     ) -> tuple[Followed, dict[str, float]]:
         """What is free of a hypothesis, fitted from these values and the recording's own; and its start."""
         misfit = self.misfit(hypothesis)
         known = {**values, **self.own}
         start = {name: known.get(name, q.start) for name, q in hypothesis.quantities.items()}
         whole = len(self.twin.observation.times)
-        found = estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, whole)
+        found = estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, whole, slopes=slopes)
         return Followed(misfit, found), start
 
     def study(self, first: Study) -> Study:
@@ -183,7 +183,7 @@ def _own(
     span = Span(0, first - 1, state)
     misfit = Misfit(plain.holding(known), observer, span, max(noise, LEAST_NOISE))
     usual = {name: study.base.values.get(name, plain.quantities[name].start) for name in names}
-    found = estimate(misfit, misfit.coordinates.vector(usual)[None], STEPS, first)
+    found = estimate(misfit, misfit.coordinates.vector(usual)[None], STEPS, first, slopes=False)
     return found.values
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, unseen
-from model.gap.account import Account, Explained
+from model.gap.account import MEANING, Account, Explained
 from model.gap.schema import EFFECT_NAMES
 
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
@@ -99,8 +99,7 @@ def test_worlds_count_as_they_come_however_many_of_a_kind_were_picked(worlds):
 
 
 def test_accounts_of_before_are_refused_in_one_line(worlds, tmp_path):
-    content = asdict(worlds[0])
-    del content["account"]["shared"]
+    content = {"meaning": MEANING - 1} | asdict(worlds[0])
     (tmp_path / "old.json").write_text(json.dumps(content))
     with pytest.raises(SystemExit, match="gather again"):
         Told.read(tmp_path / "old.json")
@@ -110,7 +109,7 @@ def test_trained_by_one_command(worlds, tmp_path, capsys):
     folder = tmp_path / "made"
     folder.mkdir()
     for one in worlds:
-        (folder / f"{one.world}.json").write_text(json.dumps(asdict(one)))
+        (folder / f"{one.world}.json").write_text(json.dumps({"meaning": MEANING} | asdict(one)))
         assert Told.read(folder / f"{one.world}.json") == one
     out = tmp_path / "weighing.json"
     assert main(["train", str(folder), "--out", str(out)]) == 0

@@ -28,11 +28,11 @@ def test_what_the_fitted_frames_hardly_show_others_do_not_decide():
 
 
 def test_without_the_other_recording():
-    here, both = {"wind": Explained(0.5, 0.4, 0.9)}, {"wind": Explained(0.4, 0.3, 0.9)}
+    here, both = {"wind": Explained(0.5, 0.4)}, {"wind": Explained(0.4, 0.3, 0.9)}
     account = Account("rope", {"wind": 0.1}, here, both, (0.05, 0.01), (4.0, 2.0))
     assert account.told == both
     alone = account.alone
-    assert alone == Account("rope", {"wind": 0.1}, {"wind": Explained(0.5, 0.4, 0.0)}, {}, (0.05,), (4.0,))
+    assert alone == Account("rope", {"wind": 0.1}, here, {}, (0.05,), (4.0,))
     assert alone.told == alone.explained
 
 

@@ -108,6 +108,13 @@ def test_what_a_given_twin_came_with_is_begun_from_as_well(dragged, monkeypatch,
     assert (found.left < 0.7 * dragged.base.cost) == given
 
 
+@pytest.fixture
+def sheets_too(monkeypatch):
+    """Sheets are small here."""
+    monkeypatch.setattr("model.gap.search.HALVED", ("sheet",))
+
+
+@pytest.mark.usefixtures("sheets_too")
 def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
     """A sheet of which one half yields where it is pulled."""
     halves = [tensor(place.field) for place in halves_of(studied(pulled).plain.twin.body.points)]
@@ -123,6 +130,7 @@ def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
     assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-6)
 
 
+@pytest.mark.usefixtures("sheets_too")
 def test_what_acts_everywhere_begins_everywhere(pulled, studied):
     study = studied(pulled, (Plasticity(),), YIELDS)
     plastic = [effect for effect in able_effects(study) if effect.name == "plasticity"]
