@@ -84,8 +84,8 @@ class JobRecord(BaseModel):
 
 
 def new_id() -> str:
-    """A job's id: 32 hex digits, sorted by time, not to be guessed."""
-    return f"{time.time_ns() // 1000:014x}{secrets.token_hex(9)}"
+    """A job's id: 32 hex digits, sorted by time [ns], not to be guessed."""
+    return f"{time.time_ns():016x}{secrets.token_hex(8)}"
 
 
 def files_prefix(job_id: str) -> str:
