@@ -10,7 +10,7 @@ from model.schema import EffectName
 MOST = (-1.0, 6.0)
 """Of what an effect may explain of one part of what was seen."""
 BEYOND = 1.0
-"""What an effect explains beyond the frames that it was fitted to counts at most so many times what it
+"""What an effect explains beyond the frames that it was first fitted to counts at most so many times what it
 explains of those. Of one that they hardly show others would have to say the strength as well, and any fits a
 little; and a twin that is lost without an effect, and with it is not, may have been lost by chance."""
 

@@ -9,7 +9,7 @@ from model.gap.joint import fitted_jointly
 from model.gap.schema import EFFECT_NAMES
 from model.gap.size import size_of
 from model.gap.study import Study
-from model.gap.transfer import Followed, Transferred
+from model.gap.transfer import Transferred
 from model.gap.verdict import Judged
 from model.schema import EffectName
 
@@ -39,21 +39,25 @@ def account_of(
         refitted: What `plain` foretells in the other recording.
     """
     cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
-    seen = {name: one for name, one in confirmed.items() if one.estimate.cost < SEEN * cost}
-    explained = dict.fromkeys(confirmed, Explained())
-    for name, one in seen.items():
-        explained[name] = Explained.of((cost, one.estimate.cost), (later, held_out(fitted, one.foretold)))
+    explained = {
+        name: Explained.of((cost, one.estimate.cost), (later, held_out(fitted, one.foretold)))
+        if one.estimate.cost < SEEN * cost
+        else Explained()
+        for name, one in confirmed.items()
+    }
     shared: dict[EffectName, Explained] = {}
     left = [against_ordinary(cost, fitted.misfit.noise)]
     if other is not None:
         # as many rounds as an effect gets there: to be followed, and from hardly any of it to be shared
         there = other.further(other.further(other.followed(plain)))
-        shared = {
-            name: _shared(fitted, other, seen[name], plain, there)
-            if name in seen and seen[name].estimate.cost < SHARED * cost
-            else explained[name]
-            for name in confirmed
-        }
+        shared.update(explained)
+        for name, one in confirmed.items():
+            both = fitted_jointly(one, plain, other, there) if one.estimate.cost < SHARED * cost else None
+            if both is None:
+                continue
+            foretold = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
+            elsewhere = (there.estimate.cost, both.left[1])
+            shared[name] = Explained.of((cost, both.left[0]), (later, held_out(fitted, foretold)), elsewhere)
         left.append(against_ordinary(there.estimate.cost, other.told_noise))
     return Account(
         fitted.plain.twin.body.shape,
@@ -63,17 +67,6 @@ def account_of(
         _astray(plain, refitted),
         tuple(left),
     )
-
-
-def _shared(fitted: Study, other: Transferred, one: Fitted, plain: Fitted, there: Followed) -> Explained:
-    """What an effect explains that is as strong in both recordings; here alone, if it cannot act there."""
-    both = fitted_jointly(one, plain, other, there)
-    cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
-    if both is None:
-        return Explained.of((cost, one.estimate.cost), (later, held_out(fitted, one.foretold)))
-    foretold = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
-    elsewhere = (there.estimate.cost, both.left[1])
-    return Explained.of((cost, both.left[0]), (later, held_out(fitted, foretold)), elsewhere)
 
 
 def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:

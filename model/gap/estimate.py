@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -308,7 +309,7 @@ def descended(
         found = least_squares(
             residuals,
             vector,
-            lambda at, width=width: jacobian(at, width),
+            partial(jacobian, width=width),
             bounds=(low, high),
             max_nfev=1 + TRIALS * (left - 1),
             xtol=0.05 * width,

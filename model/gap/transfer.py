@@ -50,7 +50,7 @@ class Followed(NamedTuple):
 
 @dataclass(frozen=True)
 class Transferred:
-    """The other recording, and how to make worlds for it: nothing of the object is fitted to it.
+    """The other recording, and how to make worlds for it: what it is foretold by was not fitted to it.
 
     How a hand holds it there, and how much it is at rest at first, is the recording's own: that is fitted,
     with the plain twin, to frames before the first that is foretold.

@@ -43,8 +43,8 @@ class Weighing:
     later: float
     elsewhere: float
     harm: float
-    """On top of that where it is less than nothing: as strong as the first recording asks for, what is really
-    missing does no harm in another, and what is not often does."""
+    """On top of that where it is less than nothing: as strong in both recordings, what is really missing does
+    no harm in either, and what is not often does in one."""
     sheet: float
     """On top of the three parts, of sheets, whose plain twins are worse."""
     buckling: float

@@ -8,6 +8,7 @@ import torch
 
 from model.gap.bodies.body import body_of
 from model.gap.confirm import Fitted
+from model.gap.effects import StaticFriction
 from model.gap.estimate import Estimate, Misfit, Span
 from model.gap.evidence import BLOCKS, Column, Evidence
 from model.gap.forecast import forecast
@@ -16,6 +17,7 @@ from model.gap.learn import Example
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.study import Study
+from model.gap.transfer import transferred
 from model.gap.world import Sight, World
 from model.simulator.build import build_simulator
 from model.simulator.simulator import Simulator
@@ -258,3 +260,13 @@ def _twin(study, effects=(), values=()):
     slopes = np.zeros((len(residuals), len(vector)))
     found = replace(study.base, values=known, vector=vector, residuals=residuals, jacobian=slopes)
     return Fitted(misfit, found, forecast(study.observer, misfit.hypothesis.at(known), study.split))
+
+
+@pytest.fixture
+def grounded(hung):
+    """A recording over a ground, another without one, and a twin of the first that sticks to it."""
+    over = replace(hung, ground_height=float(hung.points[0, :, 2].min()) - 0.01)
+    study = _studied(over)
+    other = transferred(study, _studied(hung).observation)
+    sticky = {f"static_friction.{name}": q.start for name, q in StaticFriction.quantities.items()}
+    return study, other, _twin(study, (StaticFriction(),), sticky)

@@ -1,14 +1,12 @@
 """What is left with an effect and without it, in one recording or in two."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from model.gap.account import MOST
 from model.gap.accounting import account_of
 from model.gap.confirm import held_out
-from model.gap.effects import QuadraticAirDrag, StaticFriction
+from model.gap.effects import QuadraticAirDrag
 from model.gap.schema import EFFECT_NAMES
 from model.gap.transfer import transferred
 from model.gap.verdict import Judged
@@ -62,12 +60,8 @@ def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin
     assert account.shared["quadratic_air_drag"].total == 0.0
 
 
-def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(hung, studied, twin):
-    ground = replace(hung, ground_height=float(hung.points[0, :, 2].min()) - 0.01)
-    study = studied(ground)
-    other = transferred(study, studied(hung).observation)
-    sticky = {f"static_friction.{name}": q.start for name, q in StaticFriction.quantities.items()}
-    one = twin(study, (StaticFriction(),), sticky)
+def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(grounded, twin):
+    study, other, one = grounded
     plain = twin(study, (), {"stiffness": 0.5 * study.base.values["stiffness"]})
     account = account_of(study, other, plain, {"static_friction": one}, SCREENED, plain.foretold)
     shared = account.shared["static_friction"]

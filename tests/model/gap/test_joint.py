@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model.gap.confirm import refit
-from model.gap.effects import GravityTilt, QuadraticAirDrag, StaticFriction
+from model.gap.effects import GravityTilt, QuadraticAirDrag
 from model.gap.joint import Joint, fitted_jointly
 from model.gap.observer import Observer
 from model.gap.search import FAINT
@@ -127,12 +127,8 @@ def test_what_is_there_in_one_recording_alone_is_not_explained_in_both(hung, stu
     assert both.min() < 0.1 * alone
 
 
-def test_what_cannot_act_in_the_other_recording_is_not_shared(hung, studied, twin):
-    ground = replace(hung, ground_height=float(hung.points[0, :, 2].min()) - 0.01)
-    study = studied(ground)
-    other = transferred(study, studied(hung).observation)
-    sticky = {f"static_friction.{name}": q.start for name, q in StaticFriction.quantities.items()}
-    one = twin(study, (StaticFriction(),), sticky)
+def test_what_cannot_act_in_the_other_recording_is_not_shared(grounded, twin):
+    study, other, one = grounded
     plain = twin(study)
     there = other.followed(plain)
     assert fitted_jointly(one, plain, other, there) is None
