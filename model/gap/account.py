@@ -18,7 +18,7 @@ FINEST = 1e-3
 """No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
 no less noise."""
 
-MEANING = 3
+MEANING = 4
 """Of an account, counted up whenever what it tells is measured otherwise: no weights are learned of both."""
 
 Left = tuple[float, float]

@@ -1,5 +1,6 @@
 """Fit a twin with effects as long as the plain one is fitted, and judge both by what no fit has seen."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,12 +58,23 @@ class Confirmed(Fitted):
     """Quantities of the effects that the fit drove to a bound: absurdly much of it, or nothing at all."""
 
 
-def refit(study: Study) -> Fitted:
+def refit(study: Study, also: Mapping[str, float] | None = None) -> Fitted:
     """The plain twin after as many more steps, from its own best fit, as any effect gets on top of that fit.
 
     Without such a round of its own it would lose to whatever is merely optimised for longer.
+
+    Args:
+        study: The plain twin's first fit.
+        also: Values of its own parameters in the fit of an effect that has found another valley: if it is
+            deeper without the effect as well, that explains nothing.
     """
-    return further(study, fitted(study, study.plain, study.base.vector))
+    found = further(study, fitted(study, study.plain, study.base.vector))
+    if also is None:
+        return found
+    other = fitted(study, study.plain, study.misfit.coordinates.vector(also))
+    if other.estimate.cost < found.estimate.cost / PROMISING:
+        other = further(study, other)
+    return min(found, other, key=lambda one: one.estimate.cost)
 
 
 def confirm(
@@ -71,6 +83,7 @@ def confirm(
     effects: tuple[Effect, ...],
     start: Float64[Array, " d"],
     where: Field | None = None,
+    anew: Estimate | None = None,
 ) -> Confirmed:
     """Fit the twin's own parameters and those of effects together.
 
@@ -80,9 +93,12 @@ def confirm(
         effects: One, or two that are at work together.
         start: Coordinates of the twin's own parameters and the effects' (`search`).
         where: How strongly they act on each mass point, 0..1; None: on all alike.
+        anew: Of the same twin, begun elsewhere (`afresh`); None: there is none.
     """
     hypothesis = replace(study.plain, effects=effects, where=where)
     found = fitted(study, hypothesis, start)
+    if anew is not None and anew.cost < found.estimate.cost:
+        found = min(found, fitted(study, hypothesis, anew.vector), key=lambda one: one.estimate.cost)
     if found.estimate.cost > plain.estimate.cost:
         # the plain twin has gone on since the search: who is still in a valley that it left explains nothing
         found = min(found, _from(plain, study, found.misfit, start), key=lambda one: one.estimate.cost)

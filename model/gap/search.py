@@ -61,14 +61,12 @@ def searched(
         effects: To try, all able to act.
         progress: Called with the share that is done.
     """
-    # along the body, so that they are the same however it is turned
-    angle = heading(study.plain.twin.body.points)
     tell = progress or (lambda share: None)
     by_name = {name: effect for name in EFFECT_NAMES for effect in effects if effect.name == name}
     found: dict[EffectName, Begun] = {}
     for done, (name, effect) in enumerate(by_name.items()):
         tell(done / len(by_name))
-        tried = [_named(effect, effect.turned(values, angle)) for values in probes(effect)]
+        tried = named_probes(study, effect)
         found[name] = beginning(study, (effect,), tried)
         if effect.local and study.plain.twin.body.shape in HALVED:
             found[name] = _in_a_half(study, effect, tried, found[name])
@@ -216,5 +214,8 @@ def _normal(jacobian: Float64[Array, "m d"]) -> Float64[Array, "d d"]:
     return normal
 
 
-def _named(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
-    return {f"{effect.name}.{name}": value for name, value in values.items()}
+def named_probes(study: Study, effect: Effect) -> list[dict[str, float]]:
+    """What is tried of an effect, by `effect.quantity`: along the body, the same however it is turned."""
+    angle = heading(study.plain.twin.body.points)
+    tried = (effect.turned(values, angle) for values in probes(effect))
+    return [{f"{effect.name}.{name}": value for name, value in values.items()} for values in tried]

@@ -115,10 +115,15 @@ def best_fit(misfit: Misfit, start: dict[str, float]) -> Estimate:
     left = (misfit(tried) ** 2).mean(1)
     misfit.settle()
     shape = misfit.hypothesis.twin.body.shape
-    quarter = max(FIRST_HORIZON, (misfit.span.last - misfit.span.first) // 4)
+    quarter = quarter_of(misfit)
     followed = [tried[i] for i in np.argsort(left, kind="stable")[: FOLLOWED[shape]]]
     found = [estimate(misfit, one[None], STEPS, quarter) for one in followed]
     return min(found, key=lambda one: one.cost)
+
+
+def quarter_of(misfit: Misfit) -> int:
+    """Frames of the first horizon of a fit that begins at what looks best over the whole time."""
+    return max(FIRST_HORIZON, (misfit.span.last - misfit.span.first) // 4)
 
 
 def starts_of(misfit: Misfit, start: dict[str, float]) -> Float64[Array, "s d"]:

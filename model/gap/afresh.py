@@ -1,0 +1,75 @@
+"""Fits of an effect that begin anywhere, as those of the plain twin do: not only from where that ended.
+
+Where an effect is really at work the plain twin has made up for it, and its own parameters are wrong. From
+there the way to what is right may be uphill: a rope that sticks to the ground is followed by a slack one that
+hardly sticks, and any more of it makes that worse.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+from jaxtyping import Float64
+
+from model.gap.bodies.guess import Shape
+from model.gap.effects.base import Effect
+from model.gap.estimate import Estimate, Misfit, estimate
+from model.gap.hypothesis import Hypothesis
+from model.gap.search import STRENGTHS, named_probes, strong
+from model.gap.study import STEPS, Study, quarter_of, starts_of
+from model.types import Array
+
+TIMES = 2
+"""Each place where a fit of the plain twin may begin is looked at, with other strengths of the effect."""
+FOLLOWED: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 2}
+"""Of all that is looked at; of two one is faint and one strong."""
+
+
+def afresh(study: Study, hypothesis: Hypothesis) -> Estimate:
+    """The best of fits that begin at places all around, in all strengths.
+
+    Args:
+        study: The fitted plain twin.
+        hypothesis: With one effect.
+    """
+    (effect,) = hypothesis.effects
+    misfit = study.misfit.of(hypothesis)
+    starts, strength = _starts(study, misfit, effect)
+    left = (misfit(starts) ** 2).mean(1)
+    quarter = quarter_of(misfit)
+    found = []
+    for one in _followed(left, strength, FOLLOWED[study.plain.twin.body.shape]):
+        misfit.settle()
+        found.append(estimate(misfit, starts[one][None], STEPS, quarter, slopes=False))
+    return min(found, key=lambda one: one.cost)
+
+
+def _starts(
+    study: Study, misfit: Misfit, effect: Effect
+) -> tuple[Float64[Array, "s d"], Float64[Array, " s"]]:
+    """Coordinates of where to look, and how strong the effect is there, softest twins first.
+
+    Stiff ones need finer steps in time, and so does all that is looked at after them.
+    """
+    own = starts_of(study.misfit, study.start)
+    usual = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
+    tried = list(product(STRENGTHS, named_probes(study, effect)))
+    # each in turn, in an order that has nothing to do with that of the places
+    turns = np.random.default_rng(0).permutation(np.arange(TIMES * len(own)) % len(tried))
+    starts, strength = [], []
+    for turn, vector in zip(turns, np.repeat(own, TIMES, axis=0), strict=True):
+        by, values = tried[turn]
+        known = {**usual, **study.misfit.coordinates.values(vector), **values}
+        starts.append(strong(misfit, known, (by,)))
+        strength.append(by)
+    stacked, order = np.stack(starts), misfit.coordinates.names.index("stiffness")
+    softest = np.argsort(stacked[:, order], kind="stable")
+    return stacked[softest], np.array(strength)[softest]
+
+
+def _followed(left: Float64[Array, " s"], strength: Float64[Array, " s"], count: int) -> Sequence[int]:
+    """Which to follow: the best of all, or the best of the faint and of the strong ones."""
+    if count == 1:
+        return [int(left.argmin())]
+    faint = strength < np.median(STRENGTHS)
+    return [int(np.where(part, left, np.inf).argmin()) for part in (faint, ~faint)]
