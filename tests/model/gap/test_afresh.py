@@ -1,0 +1,89 @@
+"""A fit of an effect begins anywhere: what it finds does not hang on where the plain twin ended."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap.afresh import TIMES, _followed, _starts, afresh
+from model.gap.confirm import confirm, refit
+from model.gap.effects import QuadraticAirDrag
+from model.gap.probes import probes
+from model.gap.search import STRENGTHS
+from model.gap.study import starts_of
+
+DRAG = "quadratic_air_drag.drag_per_mass"
+
+
+@pytest.fixture
+def dragged(hung, studied):
+    return studied(hung, (QuadraticAirDrag(),), {DRAG: 4.0})
+
+
+@pytest.fixture
+def with_drag(dragged):
+    return replace(dragged.plain, effects=(QuadraticAirDrag(),))
+
+
+@pytest.fixture
+def misled(dragged):
+    """The plain twin's fit has ended far from what is right."""
+    vector = dragged.base.vector.copy()
+    vector[dragged.misfit.coordinates.names.index("stiffness")] -= 6.5
+    values = dragged.misfit.coordinates.values(vector)
+    residuals = dragged.misfit(vector[None])[0]
+    return replace(dragged, base=replace(dragged.base, values=values, vector=vector, residuals=residuals))
+
+
+def test_what_is_at_work_is_found(dragged, with_drag):
+    found = afresh(dragged, with_drag)
+    assert found.values[DRAG] == pytest.approx(4.0, rel=0.2)
+    assert found.cost < 0.7 * dragged.base.cost
+
+
+def test_wherever_the_plain_twin_ended(dragged, misled, with_drag):
+    assert afresh(misled, with_drag).values == afresh(dragged, with_drag).values
+
+
+def test_a_fit_takes_it_where_it_leaves_less(misled, with_drag):
+    """From the wrong valley no fit gets all the way."""
+    plain, anew = refit(misled), afresh(misled, with_drag)
+    bad = misled.misfit.of(with_drag).coordinates.vector({**misled.base.values, DRAG: 90.0})
+    stuck = confirm(misled, plain, with_drag.effects, bad)
+    found = confirm(misled, plain, with_drag.effects, bad, anew=anew)
+    assert found.estimate.cost < 0.9 * stuck.estimate.cost
+    assert found.estimate.cost <= anew.cost * (1.0 + 1e-9)
+    worse = replace(anew, residuals=100.0 * anew.residuals)
+    ignored = confirm(misled, plain, with_drag.effects, bad, anew=worse)
+    assert ignored.estimate.values == stuck.estimate.values
+
+
+def test_the_plain_twin_may_begin_where_an_effect_was_found(dragged, misled):
+    """What an effect explains by another valley of the twin's own parameters it does not explain."""
+    good, bad = dict(dragged.base.values), dict(misled.base.values)
+    alone, led, own = refit(misled), refit(misled, good), refit(dragged)
+    assert led.estimate.cost < 0.97 * alone.estimate.cost
+    assert led.estimate.cost == pytest.approx(own.estimate.cost, rel=0.01)
+    assert refit(dragged, bad).estimate.values == own.estimate.values
+
+
+def test_every_strength_of_every_probe_is_looked_at_softest_first(dragged, with_drag):
+    misfit = dragged.misfit.of(with_drag)
+    starts, strength = _starts(dragged, misfit, QuadraticAirDrag())
+    assert len(starts) == TIMES * len(starts_of(dragged.misfit, dragged.start))
+    names = misfit.coordinates.names
+    assert (np.diff(starts[:, names.index("stiffness")]) >= 0.0).all()
+    amounts = {next(iter(probe.values())) for probe in probes(QuadraticAirDrag())}
+    low, high = QuadraticAirDrag.quantities["drag_per_mass"].bounds
+    expected = {round(float(np.clip(by * each, low, high)), 6) for by in STRENGTHS for each in amounts}
+    assert {round(float(np.exp(one)), 6) for one in starts[:, names.index(DRAG)]} == expected
+    assert set(strength) == set(STRENGTHS)
+    # each place is looked at as often, in strengths of its own
+    own = {tuple(np.round(np.delete(one, names.index(DRAG)), 9)) for one in starts}
+    assert len(own) == len(starts) // TIMES
+
+
+def test_of_two_one_is_faint_and_one_strong():
+    left, strength = np.array([3.0, 1.0, 2.0, 5.0]), np.array([0.25, 0.25, 4.0, 16.0])
+    assert _followed(left, strength, 2) == [1, 2]
+    assert _followed(left, strength, 1) == [1]
