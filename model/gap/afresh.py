@@ -15,12 +15,13 @@ from model.gap.bodies.guess import Shape
 from model.gap.effects.base import Effect
 from model.gap.estimate import Estimate, Misfit, estimate
 from model.gap.hypothesis import Hypothesis
-from model.gap.search import STRENGTHS, named_probes, strong
+from model.gap.search import STRENGTHS, affordable, known, named_probes, strong
 from model.gap.study import STEPS, Study, quarter_of, starts_of
 from model.types import Array
 
-TIMES = 2
-"""Each place where a fit of the plain twin may begin is looked at, with other strengths of the effect."""
+TIMES: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 1}
+"""So often each place where a fit of the plain twin may begin is looked at, with other strengths of the
+effect; what has many springs takes longer."""
 FOLLOWED: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 2}
 """Of all that is looked at; of two one is faint and one strong."""
 
@@ -51,19 +52,19 @@ def _starts(
 
     Stiff ones need finer steps in time, and so does all that is looked at after them.
     """
-    own = starts_of(study.misfit, study.start)
-    usual = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
-    tried = list(product(STRENGTHS, named_probes(study, effect)))
+    own, times = starts_of(study.misfit, study.start), TIMES[study.plain.twin.body.shape]
+    (usual,) = known(misfit, study.base.values, [{}])
+    tried = list(product(affordable(misfit, usual), named_probes(study, effect)))
     # each in turn, in an order that has nothing to do with that of the places
-    turns = np.random.default_rng(0).permutation(np.arange(TIMES * len(own)) % len(tried))
+    turns = np.random.default_rng(0).permutation(np.arange(times * len(own)) % len(tried))
     starts, strength = [], []
-    for turn, vector in zip(turns, np.repeat(own, TIMES, axis=0), strict=True):
+    for turn, vector in zip(turns, np.repeat(own, times, axis=0), strict=True):
         by, values = tried[turn]
-        known = {**usual, **study.misfit.coordinates.values(vector), **values}
-        starts.append(strong(misfit, known, (by,)))
+        (every,) = known(misfit, study.misfit.coordinates.values(vector), [values])
+        starts.append(strong(misfit, every, (by,)))
         strength.append(by)
-    stacked, order = np.stack(starts), misfit.coordinates.names.index("stiffness")
-    softest = np.argsort(stacked[:, order], kind="stable")
+    stacked, stiffness = np.stack(starts), misfit.coordinates.names.index("stiffness")
+    softest = np.argsort(stacked[:, stiffness], kind="stable")
     return stacked[softest], np.array(strength)[softest]
 
 

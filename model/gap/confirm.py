@@ -149,6 +149,7 @@ def fitted(
     steps: int = STEPS,
     *,
     slopes: bool = True,
+    most: int | None = None,
 ) -> Fitted:
     """From a start near a fitted plain twin, over all frames at once, in as many steps as any fit gets.
 
@@ -156,6 +157,7 @@ def fitted(
     fit would no longer be sure to end at least as well as it began.
     """
     misfit = study.misfit.of(hypothesis)
+    misfit = misfit if most is None else misfit.giving_up(most)
     found = estimate(misfit, start[None], steps, study.split, slopes=slopes)
     return Fitted(misfit, found, forecast(study.observer, hypothesis.at(found.values), study.split))
 

@@ -14,6 +14,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from model.gap.effects.base import Quantity
 from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
+from model.gap.plain import HAND
 from model.gap.world import World
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.system import State
@@ -31,6 +32,9 @@ TRIALS = 3
 """Places tried for a step, shorter while they lead uphill: each costs far less than the slopes do."""
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
+STEADY = HAND
+"""How quantities begin whose slopes are looked at once in a fit: where a hand is moves what it holds much the
+same, whatever that is made of, and there are up to six of them."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +108,20 @@ class Misfit(Residuals):
         observer: What follows the observation.
         span: Which frames count.
         noise: Standard deviation of an innovation that is noise alone [m].
+        most: Substeps per frame; a world that needs more is given up as lost. None: none is.
     """
 
-    def __init__(self, hypothesis: Hypothesis, observer: Observer, span: Span, noise: float) -> None:
+    def __init__(
+        self,
+        hypothesis: Hypothesis,
+        observer: Observer,
+        span: Span,
+        noise: float,
+        most: int | None = None,
+    ) -> None:
         """See the class."""
         self.hypothesis, self.observer, self.span, self.noise = hypothesis, observer, span, noise
+        self.most = most
         self.coordinates = Coordinates(hypothesis.quantities)
         self.width = WIDEST if hypothesis.together else 1
         self.evaluations, self._substeps = 0, 0
@@ -116,6 +129,7 @@ class Misfit(Residuals):
         self._seen = observer.seen[frames].clone()
         self._seen[0] = False
         self._places = observer.places[frames]
+        self._steady: dict[str, Float64[Array, " m"]] = {}
 
     def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
         """Innovations over their noise, bounded where a prediction is lost, one row for each world."""
@@ -128,7 +142,11 @@ class Misfit(Residuals):
 
     def until(self, last: int) -> "Misfit":
         """The same over the frames up to `last`."""
-        return Misfit(self.hypothesis, self.observer, replace(self.span, last=last), self.noise)
+        return Misfit(self.hypothesis, self.observer, replace(self.span, last=last), self.noise, self.most)
+
+    def giving_up(self, most: int) -> "Misfit":
+        """The same, in which a world that needs more substeps per frame is lost."""
+        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most)
 
     @property
     def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
@@ -144,6 +162,11 @@ class Misfit(Residuals):
         """Forget how finely time was divided for worlds that were looked at before."""
         self._substeps = 0
 
+    def needs(self, vector: Float64[Array, " d"]) -> int:
+        """Substeps per frame that the world of a vector asks for."""
+        with torch.no_grad():
+            return self.observer.substeps(self.hypothesis.at(self.coordinates.values(vector)))
+
     def divide(self, times: float) -> None:
         """Divide time so many times as finely: a spring that stiffens needs more than it does at rest.
 
@@ -152,25 +175,35 @@ class Misfit(Residuals):
         assert self._substeps, "nothing was divided yet"
         self._substeps = max(1, round(times * self._substeps))
 
-    def _divided(self, world: World) -> int:
-        """Substeps per frame: the same for all worlds of a fit, so that none differs by its time steps."""
+    def _divided(self, world: World) -> int | None:
+        """Substeps per frame: the same for all worlds of a fit, so that none differs by its time steps.
+
+        None: they would be more than there may be.
+        """
         needed = self.observer.substeps(world)
+        if self.most is not None and needed > self.most:
+            return None
         if needed > self._substeps:
             self._substeps = math.ceil(SPARE * needed)
         return self._substeps
 
     def jacobian(self, vector: Float64[Array, " d"], width: float = STEPS[-1]) -> Float64[Array, "m d"]:
-        """Slopes by one-sided differences of this width, away from the nearer bound."""
+        """Slopes by one-sided differences of this width, away from the nearer bound; `STEADY` ones once."""
         _, high = self.coordinates.bounds
         step = np.where(vector + width > high, -width, width)
+        names = self.coordinates.names
+        moved = [i for i, name in enumerate(names) if name not in self._steady]
         rows = [
             np.concatenate([vector[None], part])
-            for part in _portions(vector + np.diag(step), max(1, self.width - 1))
+            for part in _portions((vector + np.diag(step))[moved], max(1, self.width - 1))
         ]
         # the unmoved world rolls out beside the moved ones, in the same substeps: else their difference has
         # the time-stepping error in it
-        change = [found[1:] - found[:1] for found in (self(row) for row in rows)]
-        slopes: Float64[Array, "m d"] = (np.concatenate(change) / step[:, None]).T
+        change = np.concatenate([found[1:] - found[:1] for found in (self(row) for row in rows)])
+        fresh = {names[i]: one / step[i] for i, one in zip(moved, change, strict=True)}
+        self._steady |= {name: one for name, one in fresh.items() if name.startswith(STEADY)}
+        columns = {**self._steady, **fresh}
+        slopes: Float64[Array, "m d"] = np.stack([columns[name] for name in names], axis=1)
         return slopes
 
     def _some(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
@@ -182,11 +215,11 @@ class Misfit(Residuals):
                     values = {name: value[0, 0] for name, value in values.items()}
                 world, span = self.hypothesis(values), self.span
                 substeps = self._divided(world)
+                if substeps is None:
+                    return self._lost(vectors)
                 led = self.observer.lead(world, span.state, span.first, span.last, substeps=substeps)
         except SimulationDiverged:
-            if len(vectors) == 1:
-                return np.full((1, self.size), self.observer.lost / self.noise)
-            return np.concatenate([self._some(vector[None]) for vector in vectors])
+            return self._lost(vectors)
         predicted = led.predicted if len(vectors) > 1 else led.predicted.unsqueeze(1)
         error = (predicted - self._places.unsqueeze(1)).movedim(1, 0)[:, self._seen]
         # of the whole vector: no coordinate is the same in a turned world
@@ -194,6 +227,12 @@ class Misfit(Residuals):
         bounded = error * (torch.tanh(far) / far.clamp_min(1e-9))
         rows: Float64[Array, "b m"] = bounded.reshape(len(vectors), -1).double().numpy() / self.noise
         return rows
+
+    def _lost(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
+        """Of worlds some of which cannot be rolled out: each by itself."""
+        if len(vectors) == 1:
+            return np.full((1, self.size), self.observer.lost / self.noise)
+        return np.concatenate([self._some(vector[None]) for vector in vectors])
 
 
 @dataclass(frozen=True)

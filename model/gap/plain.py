@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from model.gap.bodies.body import Body
-from model.gap.bodies.grip import held_distance, held_places
+from model.gap.bodies.grip import held_distance, held_places, holding
 from model.gap.bodies.hand import steadied
 from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
@@ -32,10 +32,15 @@ SHORTEST = 0.3
 """No rest length is below this share of the length in the first frame."""
 FARTHEST = 0.5
 """Grasps: no spring of a hand is stretched by more than this in the first frame."""
-DAMPED = 0.4
-"""Share of the critical damping of a spring between two points that its dashpot has at most."""
+DAMPED, DAMPED_ROPE = 0.4, 1.0
+"""Share of the critical damping of a spring between two points that its dashpot has at most: an observer
+shakes a lattice with the noise that it follows, and what is little damped goes on shaking. More needs finer
+time steps, which ropes can afford."""
 FIRM = 0.5
 """Springs of a hand are at least this stiff against those of the object: it holds, it does not dangle."""
+LOOSEST = 1e-9
+"""No point within a hand is held by less than this share of what the nearest one is: what bears its share of
+the weight must give way by a finite length."""
 SAME_HAND = 2.5
 """Grasps: controllers nearer than this belong to one hand."""
 UPRIGHT = {"rope": 4, "sheet": 3, "solid": 5}
@@ -51,8 +56,16 @@ leads them; with it they stay as near. Waves of a fifth of a rope's length die o
 TAUT = 10.0
 """Cloth that is so many times stiffer than usual stretches by 0.3 % under its own weight, less than is seen:
 what is stiffer still would only need finer time steps."""
-MODES = 2
-"""Along the two longest axes of the body, stiffness may grow from one end to the other."""
+MODES = {"rope": 1, "sheet": 2, "solid": 2}
+"""Along so many of the longest axes of the body stiffness may grow from one end to the other."""
+HAND = "hand_"
+"""How quantities begin that say by how much a hand is elsewhere than it was measured to be."""
+MOST_HANDS = 2
+"""Of more, none is taken to be elsewhere."""
+ELSEWHERE = 0.01
+"""A hand is at most so far from where it was measured to be, along each axis [m]."""
+EASED = 0.15
+"""Time in which it comes to be there [s]: the first frame is at rest."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +100,8 @@ class Matter:
         """How firmly a hand that reaches so far [m] holds each point, 0..1: fully where it is."""
         if self.grip_distance is None:
             return torch.ones(len(self.grip_pattern), dtype=torch.float64)
-        return torch.exp(-0.5 * (torch.from_numpy(self.grip_distance) / reach) ** 2)
+        firm: Tensor = torch.exp(-0.5 * (torch.from_numpy(self.grip_distance) / reach) ** 2)
+        return firm.clamp_min(LOOSEST)
 
     @classmethod
     def guessed(cls, body: Body, observation: Observation) -> "Matter":
@@ -135,6 +149,8 @@ class PlainTwin:
     controls: Float64[Array, "T H 3"]
     """Where the other ends of the springs of the grip are [m]: controllers without the noise of their
     measurement, or places of what they hold."""
+    hands: Int64[Array, " H"] | None = None
+    """Which hand each of these goes with; None: they are those that the twin came with."""
     carried: tuple[EffectRecord, ...] = ()
     """Effects that a given twin has already."""
 
@@ -146,9 +162,11 @@ class PlainTwin:
         hand carries it, so that the grip does not depend on where a lattice happens to have points.
         """
         controls: Float64[Array, "T H 3"] = steadied(observation.controllers, observation.times)
+        hands = None
         if matter is None:
             held = _reachable(body, observation)
             if len(held):
+                hands = holding(controls[0], body.points[held], SAME_HAND * body.grasp)
                 controls = held_places(controls, body.points[held], SAME_HAND * body.grasp)
             body = replace(body, grip=np.stack([np.arange(len(held)), held], axis=1))
             matter = Matter.guessed(body, observation)
@@ -159,7 +177,7 @@ class PlainTwin:
             bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
         rest = resting(body.points, body.springs, weights, bearing, presses=not matter.slackness)
-        return cls(body, observation, matter, rest, controls)
+        return cls(body, observation, matter, rest, controls, hands)
 
     @property
     def given(self) -> bool:
@@ -176,24 +194,34 @@ class PlainTwin:
         """Its own parameters, with where they may be and where a fit starts."""
         start = self.matter.start
         usual = start["stiffness"]
+        damped = DAMPED_ROPE if self.body.shape == "rope" else DAMPED
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, self._stiffest * usual), usual, log=True),
-            "damping": _reaching("1", (1e-4, DAMPED), start["damping"], log=True),
+            "damping": _reaching("1", (1e-4, damped), start["damping"], log=True),
             "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], log=True),
             "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
         }
         if len(self.body.grip):
             own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
             if not self.hand_known:
-                own["reach"] = Quantity("1", (0.1, 1.2), start["reach"])
+                own["reach"] = Quantity("1", (0.03, 1.5), start["reach"], log=True)
+            own |= {name: Quantity("m", (-ELSEWHERE, ELSEWHERE), 0.0) for name in self._elsewhere}
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         if self.matter.slackness and self.matter.bending_decay:
             own["bending"] = Quantity("1", (0.03, 3.0), start["bending"], log=True)
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
-        for mode in range(0 if self.body.shape == "rope" else MODES):
+        for mode in range(MODES[self.body.shape]):
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
         return own
+
+    @property
+    def _elsewhere(self) -> list[str]:
+        """Quantities that say where each hand is, hand by hand, x, y and z."""
+        count = 0 if self.hands is None else int(self.hands.max(initial=-1)) + 1
+        return (
+            [f"{HAND}{k + 1}_{axis}" for k in range(count) for axis in "xyz"] if count <= MOST_HANDS else []
+        )
 
     @property
     def _stiffest(self) -> float:
@@ -253,13 +281,23 @@ class PlainTwin:
         controls = torch.from_numpy(self.controls).to(dtype)
         if self.hand_known:
             return controls
+        controls = self._displaced(controls, values)
         load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
         beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load
         far = FARTHEST * self.body.grasp
         beyond = (far * torch.tanh(beyond / far)).to(dtype)
-        if beyond.ndim == 2:
-            return controls + beyond
-        return controls.unsqueeze(1) + beyond
+        return (controls.unsqueeze(1) if beyond.ndim == controls.ndim else controls) + beyond
+
+    def _displaced(self, controls: Float[Tensor, "T H 3"], values: Values) -> Float[Tensor, "T *b H 3"]:
+        """The same with each hand where it is, rather than where it was measured to be."""
+        names = self._elsewhere
+        if not names:
+            return controls
+        batch = values[names[0]].shape[:-1]
+        away = torch.stack([values[name] for name in names], -1).reshape(*batch, -1, 3).to(controls)
+        passed = torch.from_numpy(self.observation.times - self.observation.times[0]).to(controls)
+        eased = (passed / EASED).clamp(max=1.0).reshape(-1, *[1] * (away.ndim))
+        return controls.reshape(len(controls), *[1] * len(batch), -1, 3) + eased * away[..., self.hands, :]
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""
@@ -267,7 +305,7 @@ class PlainTwin:
         middle = middle - self.body.points.mean(0)
         axes = np.linalg.svd(self.body.points - self.body.points.mean(0), full_matrices=False)[2]
         exponent = torch.zeros(len(middle), dtype=torch.float64)
-        for mode in range(MODES):
+        for mode in range(MODES[self.body.shape]):
             if f"gradient_{mode + 1}" in values:
                 along = middle @ axes[mode]
                 exponent = exponent + values[f"gradient_{mode + 1}"] * torch.from_numpy(

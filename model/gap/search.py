@@ -27,10 +27,17 @@ Progress: TypeAlias = Callable[[float], None]
 
 STRENGTHS = (0.25, 1.0, 4.0, 16.0)
 """Of what a probe is."""
+DEAREST = 3.0
+"""No strength is tried that needs so many times finer time steps than the plain twin, but for the faintest:
+all that is looked at beside it would get as many, and a fit comes to it from a fainter one."""
 FAINT = 0.04
 """So little that hardly anything is different: where an effect begins that helps in no strength."""
 HALF = 0.9
 """An effect acts in a half of the body if it leaves less than this share there of what it does everywhere."""
+IN_PLACES = (1.0, 4.0)
+"""Strengths that are looked at in a half."""
+STEPPED = 10
+"""Effects that promise most get a step; what promises less has seldom led to anything."""
 HALVED = ("rope", "solid")
 """Of these: in the halves of a sheet a search takes half a minute, and has changed no verdict."""
 SHARES = (1.0, 0.5, 0.2)
@@ -63,29 +70,21 @@ def searched(
     """
     tell = progress or (lambda share: None)
     by_name = {name: effect for name in EFFECT_NAMES for effect in effects if effect.name == name}
-    found: dict[EffectName, Begun] = {}
+    places: list[Field] = []
+    if study.plain.twin.body.shape in HALVED:
+        places = [tensor(place.field) for place in halves_of(study.plain.twin.body.points)]
+    looked: dict[EffectName, _Looked] = {}
     for done, (name, effect) in enumerate(by_name.items()):
-        tell(done / len(by_name))
-        tried = named_probes(study, effect)
-        found[name] = beginning(study, (effect,), tried)
-        if effect.local and study.plain.twin.body.shape in HALVED:
-            found[name] = _in_a_half(study, effect, tried, found[name])
+        tell(0.5 * done / len(by_name))
+        looked[name] = _looked(study, effect, places if effect.local else [])
+    order = sorted(looked, key=lambda name: looked[name].promised)
+    # a given twin may be far from where an effect is right, and what is linear there says little
+    stepped = order if study.plain.twin.given else order[:STEPPED]
+    found: dict[EffectName, Begun] = {}
+    for done, name in enumerate(order):
+        tell(0.5 + 0.5 * done / len(order))
+        found[name] = looked[name].begun(study) if name in stepped else looked[name].everywhere.as_it_is()
     return {name: found[name] for name in sorted(found, key=lambda name: found[name].left)}
-
-
-def _in_a_half(study: Study, effect: Effect, tried: Sequence[Mapping[str, float]], there: Begun) -> Begun:
-    """Where it acts in a half of the body only, if a step from there leaves much less; else as it was.
-
-    What puts one half right and acts on all alike makes the other as wrong: it is faint then, or explains
-    nothing.
-    """
-    halves = [tensor(place.field) for place in halves_of(study.plain.twin.body.points)]
-    found = [_found(study, (effect,), tried, where) for where in halves]
-    best = min(found, key=lambda one: one.promised)
-    if best.promised >= there.promised:
-        return there
-    placed = _begun(study, best, tried)
-    return placed if placed.left < HALF * there.left else there
 
 
 def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str, float]]) -> Begun:
@@ -108,8 +107,49 @@ class _Strength:
     vector: Float64[Array, " d"]
     faint: Float64[Array, " d"]
     """The same with hardly any of the effects."""
+    left: float
+    """Mean square that is left at the vector."""
     promised: float
-    """Mean square that would be left, were the plain twin's parameters to follow linearly."""
+    """The same, were the plain twin's parameters to follow linearly."""
+
+    def as_it_is(self) -> Begun:
+        """Without a step."""
+        return Begun(self.vector, self.left, self.misfit.hypothesis.where, self.promised)
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """What was seen of an effect before any step."""
+
+    tried: Sequence[Mapping[str, float]]
+    everywhere: _Strength
+    half: _Strength | None
+    """In the half of the body where it promises most; None: it is not looked for there."""
+
+    @property
+    def promised(self) -> float:
+        """The less of both."""
+        return min(one.promised for one in (self.everywhere, self.half) if one is not None)
+
+    def begun(self, study: Study) -> Begun:
+        """After a step; in a half only, if a step from there leaves much less.
+
+        What puts one half right and acts on all alike makes the other as wrong: it is faint then, or explains
+        nothing.
+        """
+        there = _begun(study, self.everywhere, self.tried)
+        if self.half is None or self.half.promised >= self.everywhere.promised:
+            return there
+        placed = _begun(study, self.half, self.tried)
+        return placed if placed.left < HALF * there.left else there
+
+
+def _looked(study: Study, effect: Effect, places: Sequence[Field]) -> _Looked:
+    """An effect in all strengths, and in some of them in each of these places."""
+    tried = named_probes(study, effect)
+    everywhere = _found(study, (effect,), tried)
+    placed = [_found(study, (effect,), tried, where, IN_PLACES) for where in places]
+    return _Looked(tried, everywhere, min(placed, key=lambda one: one.promised, default=None))
 
 
 def _found(
@@ -117,15 +157,18 @@ def _found(
     effects: tuple[Effect, ...],
     tried: Sequence[Mapping[str, float]],
     where: Field | None = None,
+    strengths: Sequence[float] = STRENGTHS,
 ) -> _Strength:
-    """Which of all strengths of what is tried promises most, where effects act on all alike or in a place."""
+    """Which strength of what is tried promises most, where effects act on all alike or in a place."""
     misfit = study.misfit.of(replace(study.plain, effects=effects, where=where))
-    known = _known(misfit, study.base.values, tried)
-    starts = _in_all_strengths(misfit, known)
-    left = _linearly_left(study, misfit(starts))
-    best = int(left.argmin())
-    faint = strong(misfit, known[best % len(known)], (FAINT,) * len(effects))
-    return _Strength(misfit, starts[best], faint, float(left[best]) / misfit.size)
+    every = known(misfit, study.base.values, tried)
+    starts = _in_all_strengths(misfit, every, strengths)
+    residuals = misfit(starts)
+    promised = _linearly_left(study, residuals)
+    best = int(promised.argmin())
+    faint = strong(misfit, every[best % len(every)], (FAINT,) * len(effects))
+    left = float((residuals[best] ** 2).mean())
+    return _Strength(misfit, starts[best], faint, left, float(promised[best]) / misfit.size)
 
 
 def _begun(study: Study, found: _Strength, tried: Sequence[Mapping[str, float]]) -> Begun:
@@ -145,7 +188,7 @@ def _as_given(study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]]
 
     The plain twin was fitted without it, and may have ended far from parameters that were right.
     """
-    starts = _in_all_strengths(misfit, _known(misfit, study.start, tried))
+    starts = _in_all_strengths(misfit, known(misfit, study.start, tried))
     misfit.settle()
     left = (misfit(starts) ** 2).mean(1)
     if left.min() >= there.left:
@@ -154,7 +197,7 @@ def _as_given(study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]]
     return _stepped(misfit, starts[int(left.argmin())])
 
 
-def _known(
+def known(
     misfit: Misfit, own: Mapping[str, float], tried: Sequence[Mapping[str, float]]
 ) -> list[dict[str, float]]:
     """Values of all quantities, those of the twin as its own, for each that is tried."""
@@ -162,10 +205,22 @@ def _known(
     return [{**first, **own, **values} for values in tried]
 
 
-def _in_all_strengths(misfit: Misfit, known: Sequence[Mapping[str, float]]) -> Float64[Array, "s d"]:
+def _in_all_strengths(
+    misfit: Misfit, every: Sequence[Mapping[str, float]], strengths: Sequence[float] = STRENGTHS
+) -> Float64[Array, "s d"]:
     """Coordinates of each, from faint to strong, which need finer steps in time: only those get them."""
-    factors = product(STRENGTHS, repeat=len(misfit.hypothesis.effects))
-    return np.stack([strong(misfit, values, each) for each in factors for values in known])
+    factors = product(affordable(misfit, every[0], strengths), repeat=len(misfit.hypothesis.effects))
+    return np.stack([strong(misfit, values, each) for each in factors for values in every])
+
+
+def affordable(
+    misfit: Misfit, values: Mapping[str, float], strengths: Sequence[float] = STRENGTHS
+) -> tuple[float, ...]:
+    """Which of these strengths, faintest first, may be tried beside these values of the twin's own."""
+    count = len(misfit.hypothesis.effects)
+    most = DEAREST * misfit.needs(strong(misfit, values, (0.0,) * count))
+    cheap = [by for by in strengths if misfit.needs(strong(misfit, values, (by,) * count)) <= most]
+    return tuple(cheap or strengths[:1])
 
 
 def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:

@@ -11,7 +11,7 @@ from model.gap.estimate import FIRST_HORIZON, Estimate, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import PlainTwin
+from model.gap.plain import HAND, PlainTwin
 from model.types import Array, Observation
 
 PATIENCE = 0.15
@@ -31,6 +31,7 @@ SPREAD = {
     "damping": 2.5,
     "drag_rate": 2.0,
     "grip": 2.0,
+    "reach": 1.8,
     "friction": 1.2,
     "bending": 1.5,
     "bending_decay": 1.5,
@@ -135,7 +136,7 @@ def starts_of(misfit: Misfit, start: dict[str, float]) -> Float64[Array, "s d"]:
     reach = np.array([SPREAD.get(name, 1.0) if q.log else 0.0 for name, q in coordinates.quantities.items()])
     begin = np.where(reach > 0, np.maximum(first - reach, low), low)
     end = np.where(reach > 0, np.minimum(first + reach, high), high)
-    # stiffness that grows along the body is for the fit to find
-    even = np.array([name.startswith("gradient") for name in coordinates.names])
+    # stiffness that grows along the body, and hands that are elsewhere, are for the fit to find
+    even = np.array([name.startswith(("gradient", HAND)) for name in coordinates.names])
     around = np.where(even, first, begin + spread * (end - begin))
     return np.concatenate([first[None], around])

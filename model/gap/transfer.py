@@ -20,7 +20,7 @@ from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import PlainTwin
+from model.gap.plain import HAND, PlainTwin
 from model.gap.prestress import Rest
 from model.gap.study import LEAST_NOISE, PATIENCE, STEPS, Study
 from model.simulator.system import State
@@ -30,8 +30,8 @@ SETTLING = 2.0
 """Patiences of the observer, in which a body comes to terms with the pose in which it is found."""
 LOOKED_AT = 0.2
 """Share of the frames, the first, that the recording's own is fitted to; those after it are foretold."""
-RECORDINGS_OWN = ("grip", "reach", "prestress")
-"""Quantities that are of a recording, not of the object."""
+RECORDINGS_OWN = ("grip", "reach", "prestress", HAND)
+"""How quantities begin that are of a recording, not of the object."""
 LEAST_FRAMES = 6
 """Fewer tell nothing."""
 UNBENT = 0.3
@@ -174,7 +174,7 @@ def _own(
     study: Study, plain: Hypothesis, state: State, observer: Observer, first: int, noise: float
 ) -> Mapping[str, float]:
     """How a hand holds the object there, and how much that is at rest, by the frames before `first`."""
-    names = [name for name in RECORDINGS_OWN if name in plain.quantities]
+    names = [name for name in plain.quantities if name.startswith(RECORDINGS_OWN)]
     # what the first recording has no ground or no grip to tell is not known of the object either
     names += [name for name in plain.quantities if name not in study.base.values and name not in names]
     if plain.twin.hand_known or not names or first < LEAST_FRAMES:
@@ -285,4 +285,5 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         matter=matter,
         rest=Rest(twin.rest.tensions, heavier * found.rest.supports),
         controls=found.controls,
+        hands=found.hands,
     )

@@ -44,6 +44,21 @@ def held_places(
     return carried
 
 
+def holding(
+    controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
+) -> Int64[Array, " H"]:
+    """Which hand holds each point, counted from 0: that of the nearest controller.
+
+    Args:
+        controllers: In the first frame [m].
+        points: Held points in the first frame [m].
+        apart: As of `held_places`.
+    """
+    hands = _hands(controllers, apart)[cKDTree(controllers).query(points)[1]]
+    counted: Int64[Array, " H"] = np.unique(hands, return_inverse=True)[1].astype(np.int64)
+    return counted
+
+
 def held_distance(
     controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
 ) -> Float64[Array, " H"]:

@@ -5,13 +5,24 @@ from typing import ClassVar
 
 import pytest
 
-from model.gap.effects import ActuationDelay, Plasticity, QuadraticAirDrag
+from model.gap.effects import ActuationDelay, Plasticity, QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Quantity
 from model.gap.fields import halves_of, tensor
 from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
 from model.gap.probes import probes
-from model.gap.search import FAINT, HALF, beginning, searched, values_of
+from model.gap.search import (
+    DEAREST,
+    FAINT,
+    HALF,
+    STRENGTHS,
+    affordable,
+    beginning,
+    known,
+    searched,
+    strong,
+    values_of,
+)
 
 DRAG, DELAY = "quadratic_air_drag.drag_per_mass", "actuation_delay.delay"
 YIELDS = {"plasticity.flow_rate": 20.0, "plasticity.yield_strain": 0.02}
@@ -142,3 +153,18 @@ def test_only_the_material_is_searched_for_in_halves(dragged):
         *("strain_stiffening", "viscoelasticity", "plasticity", "damage", "tension_only", "anisotropy"),
         *("bending_stiffness", "volume_preservation"),
     }
+
+
+def test_strengths_that_need_much_finer_time_steps_are_not_tried(dragged, monkeypatch):
+    """Springs that stiffen need fewer strengths than air does; the faintest is always tried."""
+    stiffening = dragged.misfit.of(replace(dragged.plain, effects=(StrainStiffening(),)))
+    air = dragged.misfit.of(replace(dragged.plain, effects=(QuadraticAirDrag(),)))
+    values = dragged.base.values
+    (stiff,) = known(stiffening, values, [{"strain_stiffening.stiffening": 500.0}])
+    (slow,) = known(air, values, [{DRAG: 1.0}])
+    assert affordable(air, slow) == STRENGTHS
+    needed = {by: stiffening.needs(strong(stiffening, stiff, (by,))) for by in (0.0, *STRENGTHS)}
+    cheap = tuple(by for by in STRENGTHS if needed[by] <= DEAREST * needed[0])
+    assert affordable(stiffening, stiff) == (cheap or STRENGTHS[:1])
+    monkeypatch.setattr("model.gap.search.DEAREST", 0.1)
+    assert affordable(stiffening, stiff) == STRENGTHS[:1]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from model.gap.estimate import FIRST_HORIZON, Span, estimate
+from model.gap.plain import HAND
 from model.gap.study import FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
 # a fit takes the substeps of its first worlds for all; `diagnose` is silent about it as well
@@ -60,6 +61,12 @@ def test_fits_begin_with_what_the_twin_came_with_and_all_around_it(found):
     assert 0.8 * SPREAD["stiffness"] < away.max() <= SPREAD["stiffness"]
 
 
+def test_a_hand_reaches_more_or_less_far_in_them(found):
+    starts = starts_of(found.misfit, found.start)
+    reach = starts[:, found.misfit.coordinates.names.index("reach")]
+    assert reach.max() - reach.min() > 1.2 * SPREAD["reach"]
+
+
 def test_a_twin_that_comes_with_extreme_values_has_starts_within_its_bounds(found):
     edge = {name: quantity.bounds[1] for name, quantity in found.plain.quantities.items()}
     starts = starts_of(found.misfit, edge)
@@ -68,12 +75,12 @@ def test_a_twin_that_comes_with_extreme_values_has_starts_within_its_bounds(foun
     assert (starts <= high).all()
 
 
-def test_a_sheets_gradient_begins_even(hung, studied):
+def test_a_sheets_gradient_begins_even_and_its_hands_where_they_were_measured(hung, studied):
     misfit = studied(hung).misfit
     start = {name: quantity.start for name, quantity in misfit.coordinates.quantities.items()}
     starts = starts_of(misfit, start)
-    columns = [i for i, name in enumerate(misfit.coordinates.names) if name.startswith("gradient")]
-    assert columns
+    columns = [i for i, name in enumerate(misfit.coordinates.names) if name.startswith(("gradient", HAND))]
+    assert len(columns) > 2
     assert not starts[:, columns].any()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.grip import held_distance, held_places
+from model.gap.bodies.grip import held_distance, held_places, holding
 
 APART = 0.05
 HAND = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.03, 0.0]])
@@ -73,3 +73,11 @@ def test_each_hand_holds_what_is_nearest_to_it_fully():
     found = held_distance(np.stack([np.zeros(3), far]), held, APART)
     np.testing.assert_allclose(found, [0.0, 0.003, 0.0], atol=1e-12)
     assert len(held_distance(HAND, np.zeros((0, 3)), APART)) == 0
+
+
+def test_each_held_point_goes_with_the_nearest_hand():
+    """Hands are counted from 0, also where only one of them holds anything."""
+    far = np.array([1.0, 0.0, 0.0])
+    hands = np.concatenate([HAND, HAND + far])
+    assert holding(hands, np.concatenate([HELD, HELD + far]), APART).tolist() == [0, 0, 0, 1, 1, 1]
+    assert holding(hands, HELD + far, APART).tolist() == [0, 0, 0]
