@@ -6,7 +6,8 @@
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
 sealed labels are refused. What the folder holds is not done again. `train` fits ten weights, and says how
-well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect.
+well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect; and
+what healthy twins leave, which a verdict takes for usual (`HEALTHY` in `model/gap/weighing.py`).
 """
 
 import argparse
@@ -184,6 +185,23 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
+def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
+    """What plain twins leave where nothing is missing, by shape: `beyond` of a verdict is told against it.
+
+    Returns:
+        Mean and standard deviation of the logarithm, and of how many accounts.
+    """
+    left: dict[str, list[float]] = {}
+    for one in worlds:
+        if one.kind == NONE:
+            left.setdefault(one.account.shape, []).append(float(np.log(min(one.account.left))))
+    return {
+        shape: (float(np.mean(each)), float(np.std(each, ddof=1)), len(each))
+        for shape, each in sorted(left.items())
+        if len(each) > 1
+    }
+
+
 def learn(folders: Sequence[Path], out: Path | None) -> None:
     """Train, say how well it does on worlds it has not seen, write the weights."""
     everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
@@ -207,6 +225,8 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
                 worlds, *values = scores(some).values()
                 cells = [title, given, f"{worlds:.0f}", *(f"{value:.2f}" for value in values)]
                 print(f"| {' | '.join(cells)} |")
+    for shape, (mean, spread, count) in usual(both).items():
+        print(f"{shape}: ln of what {count} healthy twins leave {mean:.2f} ± {spread:.2f}")
     weighing = learned(both)
     print({name: round(value, 2) for name, value in asdict(weighing).items()})
     if out is not None:

@@ -6,7 +6,7 @@ from model.gap.confirm import Fitted, fitted
 from model.gap.residual_force import RESIDUAL
 from model.gap.study import Study
 
-STEPS = 3
+STEPS = 5
 """Of Gauss and Newton: the force is linear in its weights, and each step costs some forty slow rollouts."""
 DEAREST = 4
 """A force that needs so many times the substeps of the twin without it is given up: it is lost to its own

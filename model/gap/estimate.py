@@ -33,8 +33,8 @@ TRIALS = 3
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
 STEADY = HAND
-"""How quantities begin whose slopes are looked at once in a fit: where a hand is moves what it holds much the
-same, whatever that is made of, and there are up to six of them."""
+"""How quantities begin whose slopes are usually looked at once for each width: where a hand is moves what it holds
+much the same, whatever that is made of, and there are up to six of them."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +109,7 @@ class Misfit(Residuals):
         span: Which frames count.
         noise: Standard deviation of an innovation that is noise alone [m].
         most: Substeps per frame; a world that needs more is given up as lost. None: none is.
+        steady: How quantities begin whose slopes are looked at once; None: all are looked at in each step.
     """
 
     def __init__(
@@ -118,10 +119,11 @@ class Misfit(Residuals):
         span: Span,
         noise: float,
         most: int | None = None,
+        steady: str | None = STEADY,
     ) -> None:
         """See the class."""
         self.hypothesis, self.observer, self.span, self.noise = hypothesis, observer, span, noise
-        self.most = most
+        self.most, self.steady = most, steady
         self.coordinates = Coordinates(hypothesis.quantities)
         self.width = WIDEST if hypothesis.together else 1
         self.evaluations, self._substeps = 0, 0
@@ -129,7 +131,7 @@ class Misfit(Residuals):
         self._seen = observer.seen[frames].clone()
         self._seen[0] = False
         self._places = observer.places[frames]
-        self._steady: dict[str, Float64[Array, " m"]] = {}
+        self._steady: dict[tuple[str, float], Float64[Array, " m"]] = {}
 
     def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
         """Innovations over their noise, bounded where a prediction is lost, one row for each world."""
@@ -142,11 +144,15 @@ class Misfit(Residuals):
 
     def until(self, last: int) -> "Misfit":
         """The same over the frames up to `last`."""
-        return Misfit(self.hypothesis, self.observer, replace(self.span, last=last), self.noise, self.most)
+        span = replace(self.span, last=last)
+        return Misfit(self.hypothesis, self.observer, span, self.noise, self.most, self.steady)
 
-    def giving_up(self, most: int) -> "Misfit":
-        """The same, in which a world that needs more substeps per frame is lost."""
-        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most)
+    def for_few_steps(self, most: int) -> "Misfit":
+        """The same for few steps that lead far.
+
+        All slopes are looked at in each, and a world that needs more than so many substeps per frame is lost.
+        """
+        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most, None)
 
     @property
     def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
@@ -188,11 +194,12 @@ class Misfit(Residuals):
         return self._substeps
 
     def jacobian(self, vector: Float64[Array, " d"], width: float = STEPS[-1]) -> Float64[Array, "m d"]:
-        """Slopes by one-sided differences of this width, away from the nearer bound; `STEADY` ones once."""
+        """Slopes by one-sided differences of this width, away from the nearer bound; steady ones once for each."""
         _, high = self.coordinates.bounds
         step = np.where(vector + width > high, -width, width)
         names = self.coordinates.names
-        moved = [i for i, name in enumerate(names) if name not in self._steady]
+        kept = {name: one for (name, by), one in self._steady.items() if by == width}
+        moved = [i for i, name in enumerate(names) if name not in kept]
         rows = [
             np.concatenate([vector[None], part])
             for part in _portions((vector + np.diag(step))[moved], max(1, self.width - 1))
@@ -201,8 +208,11 @@ class Misfit(Residuals):
         # the time-stepping error in it
         change = np.concatenate([found[1:] - found[:1] for found in (self(row) for row in rows)])
         fresh = {names[i]: one / step[i] for i, one in zip(moved, change, strict=True)}
-        self._steady |= {name: one for name, one in fresh.items() if name.startswith(STEADY)}
-        columns = {**self._steady, **fresh}
+        if self.steady is not None:
+            self._steady |= {
+                (name, width): one for name, one in fresh.items() if name.startswith(self.steady)
+            }
+        columns = {**kept, **fresh}
         slopes: Float64[Array, "m d"] = np.stack([columns[name] for name in names], axis=1)
         return slopes
 

@@ -1,12 +1,12 @@
 """Weights learned from worlds whose answers follow a known rule; others are judged by them."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
-from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, unseen
+from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, unseen, usual
 from model.gap.account import MEANING, Account, Explained
 from model.gap.schema import EFFECT_NAMES
 
@@ -47,6 +47,21 @@ def test_what_is_right_is_learned_and_holds_for_worlds_not_learned_from(worlds):
     assert weighing.fitted > 0
     assert weighing.astray > 0
     assert weighing.effect < 0
+
+
+def test_what_healthy_twins_usually_leave_is_told_by_the_better_followed_recording():
+    left = [(4.0, 9.0), (16.0, 4.0), (16.0, 20.0)]
+    worlds = [told(i, ("none",), {}) for i in range(3)] + [told(3, ("wind",), {})]
+    worlds = [
+        replace(one, account=replace(one.account, left=each))
+        for one, each in zip(worlds, [*left, (900.0, 900.0)], strict=True)
+    ]
+    found = usual(worlds)
+    mean, spread, count = found["rope"]
+    logarithms = np.log([4.0, 4.0, 16.0])
+    assert (mean, count) == (pytest.approx(logarithms.mean()), 3)
+    assert spread == pytest.approx(logarithms.std(ddof=1))
+    assert set(found) == {"rope"}
 
 
 def test_no_world_is_judged_by_weights_that_know_it(worlds, monkeypatch):

@@ -14,7 +14,7 @@ from model.gap.estimate import Coordinates, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import PlainTwin
+from model.gap.plain import HAND, PlainTwin
 from model.types import Observation
 
 FRAMES = 40
@@ -104,6 +104,47 @@ def test_a_step_that_leads_uphill_is_tried_shorter(steps):
     found = estimate(misfit, np.array([[10.0]]), steps)
     assert misfit.slopes == steps
     assert np.sqrt(found.cost) < [1.45, 1.2, 0.7][steps - 1]
+
+
+def test_slopes_of_where_a_hand_is_are_looked_at_once(shaken):
+    """What is kept is what was looked at; all others are looked at anew, and for few steps those as well."""
+    still, twin = shaken
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    seen = moved(still, plain, {**start, "stiffness": 0.4 * start["stiffness"]})
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    names = misfit.coordinates.names
+    hands = np.array([name.startswith(HAND) for name in names])
+    assert hands.sum() == 3
+    here, there = (
+        misfit.coordinates.vector({**start, "stiffness": by * start["stiffness"]}) for by in (1, 0.3)
+    )
+    first = misfit.jacobian(here)
+    spent = misfit.evaluations
+    second = misfit.jacobian(there)
+    assert misfit.evaluations - spent == spent - hands.sum()
+    np.testing.assert_array_equal(second[:, hands], first[:, hands])
+    fresh = misfit.for_few_steps(10_000)
+    fresh.jacobian(here)
+    every = fresh.jacobian(there)
+    np.testing.assert_allclose(second[:, ~hands], every[:, ~hands], rtol=1e-6, atol=1e-6)
+    assert np.abs(every[:, hands] - first[:, hands]).max() > 0.0
+
+
+def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(shaken, monkeypatch):
+    monkeypatch.setattr("model.simulator.pace.LONGEST", 1.0)  # stability alone asks for substeps
+    still, twin = shaken
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    seen = moved(still, plain, start)
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    soft = misfit.coordinates.vector(start)
+    stiff = misfit.coordinates.vector({**start, "stiffness": plain.quantities["stiffness"].bounds[1]})
+    assert misfit.needs(stiff) > misfit.needs(soft)
+    few = misfit.for_few_steps(misfit.needs(soft))
+    rows = few(np.stack([soft, stiff]))
+    np.testing.assert_allclose(rows[:1], few(soft[None]))
+    assert (rows[1] == misfit.observer.lost / misfit.noise).all()
 
 
 def test_coordinates_go_there_and_back():
