@@ -33,8 +33,8 @@ TRIALS = 3
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
 STEADY = HAND
-"""How quantities begin whose slopes are usually looked at once for each width: where a hand is moves what it holds
-much the same, whatever that is made of, and there are up to six of them."""
+"""How quantities begin whose slopes are usually looked at once for each width: where a hand is moves what it
+holds much the same, whatever that is made of, and there are up to six of them."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ class Misfit(Residuals):
         return self._substeps
 
     def jacobian(self, vector: Float64[Array, " d"], width: float = STEPS[-1]) -> Float64[Array, "m d"]:
-        """Slopes by one-sided differences of this width, away from the nearer bound; steady ones once for each."""
+        """Slopes by one-sided differences of this width, away from the nearer bound; steady ones once."""
         _, high = self.coordinates.bounds
         step = np.where(vector + width > high, -width, width)
         names = self.coordinates.names
