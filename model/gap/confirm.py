@@ -157,7 +157,7 @@ def fitted(
     fit would no longer be sure to end at least as well as it began.
     """
     misfit = study.misfit.of(hypothesis)
-    misfit = misfit if most is None else misfit.for_few_steps(most)
+    misfit = misfit if most is None else misfit.giving_up(most)
     found = estimate(misfit, start[None], steps, study.split, slopes=slopes)
     return Fitted(misfit, found, forecast(study.observer, hypothesis.at(found.values), study.split))
 

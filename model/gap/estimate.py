@@ -33,8 +33,8 @@ TRIALS = 3
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
 STEADY = HAND
-"""How quantities begin whose slopes are usually looked at once for each width: where a hand is moves what it
-holds much the same, whatever that is made of, and there are up to six of them."""
+"""How quantities begin whose slopes may be looked at once, in a fit of which only the end is asked for: where
+a hand is moves what it holds much the same, whatever that is made of, and there are up to six of them."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Misfit(Residuals):
         span: Which frames count.
         noise: Standard deviation of an innovation that is noise alone [m].
         most: Substeps per frame; a world that needs more is given up as lost. None: none is.
-        steady: How quantities begin whose slopes are looked at once; None: all are looked at in each step.
+        steady: Slopes of `STEADY` quantities are looked at once, not in each step.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Misfit(Residuals):
         span: Span,
         noise: float,
         most: int | None = None,
-        steady: str | None = STEADY,
+        steady: bool = False,
     ) -> None:
         """See the class."""
         self.hypothesis, self.observer, self.span, self.noise = hypothesis, observer, span, noise
@@ -131,7 +131,7 @@ class Misfit(Residuals):
         self._seen = observer.seen[frames].clone()
         self._seen[0] = False
         self._places = observer.places[frames]
-        self._steady: dict[tuple[str, float], Float64[Array, " m"]] = {}
+        self._kept: dict[str, Float64[Array, " m"]] = {}
 
     def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
         """Innovations over their noise, bounded where a prediction is lost, one row for each world."""
@@ -147,12 +147,13 @@ class Misfit(Residuals):
         span = replace(self.span, last=last)
         return Misfit(self.hypothesis, self.observer, span, self.noise, self.most, self.steady)
 
-    def for_few_steps(self, most: int) -> "Misfit":
-        """The same for few steps that lead far.
+    def giving_up(self, most: int) -> "Misfit":
+        """The same, in which a world that needs more than so many substeps per frame is lost."""
+        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most, self.steady)
 
-        All slopes are looked at in each, and a world that needs more than so many substeps per frame is lost.
-        """
-        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most, None)
+    def steadily(self) -> "Misfit":
+        """The same, in which slopes of `STEADY` quantities are looked at once."""
+        return Misfit(self.hypothesis, self.observer, self.span, self.noise, self.most, steady=True)
 
     @property
     def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
@@ -198,8 +199,7 @@ class Misfit(Residuals):
         _, high = self.coordinates.bounds
         step = np.where(vector + width > high, -width, width)
         names = self.coordinates.names
-        kept = {name: one for (name, by), one in self._steady.items() if by == width}
-        moved = [i for i, name in enumerate(names) if name not in kept]
+        moved = [i for i, name in enumerate(names) if name not in self._kept]
         rows = [
             np.concatenate([vector[None], part])
             for part in _portions((vector + np.diag(step))[moved], max(1, self.width - 1))
@@ -208,11 +208,9 @@ class Misfit(Residuals):
         # the time-stepping error in it
         change = np.concatenate([found[1:] - found[:1] for found in (self(row) for row in rows)])
         fresh = {names[i]: one / step[i] for i, one in zip(moved, change, strict=True)}
-        if self.steady is not None:
-            self._steady |= {
-                (name, width): one for name, one in fresh.items() if name.startswith(self.steady)
-            }
-        columns = {**kept, **fresh}
+        columns = {**self._kept, **fresh}
+        if self.steady:
+            self._kept |= {name: one for name, one in fresh.items() if name.startswith(STEADY)}
         slopes: Float64[Array, "m d"] = np.stack([columns[name] for name in names], axis=1)
         return slopes
 
@@ -284,6 +282,7 @@ def estimate(
         slopes: Where it ends slopes are looked at as well. Without, they are those of the step before.
     """
     spent = 0
+    misfit = misfit if slopes else misfit.steadily()
     vector = found = None
     for last in _horizons(misfit.span, shortest):
         part = misfit.until(last)

@@ -125,7 +125,7 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     if len(hypothesis.effects) < len(one.hypothesis.effects):
         return None
     there = other.followed(one)
-    here, again = one.misfit.of(one.hypothesis), other.misfit(hypothesis)
+    here, again = one.misfit.of(one.hypothesis).steadily(), other.misfit(hypothesis).steadily()
     joint = Joint((here, again))
     found, followed = one.estimate.values, {**one.estimate.values, **there.estimate.values}
     for misfit, values in ((here, found), (again, followed)):

@@ -107,12 +107,13 @@ def test_a_step_that_leads_uphill_is_tried_shorter(steps):
 
 
 def test_slopes_of_where_a_hand_is_are_looked_at_once(shaken):
-    """What is kept is what was looked at; all others are looked at anew, and for few steps those as well."""
+    """What is kept is what was looked at; all others are looked at anew, and usually those as well."""
     still, twin = shaken
     plain = Hypothesis(twin)
     start = {name: quantity.start for name, quantity in plain.quantities.items()}
     seen = moved(still, plain, {**start, "stiffness": 0.4 * start["stiffness"]})
-    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    usual = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    misfit = usual.steadily()
     names = misfit.coordinates.names
     hands = np.array([name.startswith(HAND) for name in names])
     assert hands.sum() == 3
@@ -124,9 +125,8 @@ def test_slopes_of_where_a_hand_is_are_looked_at_once(shaken):
     second = misfit.jacobian(there)
     assert misfit.evaluations - spent == spent - hands.sum()
     np.testing.assert_array_equal(second[:, hands], first[:, hands])
-    fresh = misfit.for_few_steps(10_000)
-    fresh.jacobian(here)
-    every = fresh.jacobian(there)
+    usual.jacobian(here)
+    every = usual.jacobian(there)
     np.testing.assert_allclose(second[:, ~hands], every[:, ~hands], rtol=1e-6, atol=1e-6)
     assert np.abs(every[:, hands] - first[:, hands]).max() > 0.0
 
@@ -141,7 +141,7 @@ def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(shaken, monke
     soft = misfit.coordinates.vector(start)
     stiff = misfit.coordinates.vector({**start, "stiffness": plain.quantities["stiffness"].bounds[1]})
     assert misfit.needs(stiff) > misfit.needs(soft)
-    few = misfit.for_few_steps(misfit.needs(soft))
+    few = misfit.giving_up(misfit.needs(soft))
     rows = few(np.stack([soft, stiff]))
     np.testing.assert_allclose(rows[:1], few(soft[None]))
     assert (rows[1] == misfit.observer.lost / misfit.noise).all()
