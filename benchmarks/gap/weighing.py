@@ -6,8 +6,9 @@
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
 sealed labels are refused. What the folder holds is not done again. `train` fits ten weights, and says how
-well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect; and
-what healthy twins leave, which a verdict takes for usual (`HEALTHY` in `model/gap/weighing.py`).
+well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect; how
+well those do that ship; and what healthy twins leave, which a verdict takes for usual (`HEALTHY` in
+`model/gap/weighing.py`).
 """
 
 import argparse
@@ -216,15 +217,10 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
     header = ["left out", "given", *scores([(both[0], USUAL.judged(both[0].account))])]
     print(f"| {' | '.join(header)} |\n{'|---' * len(header)}|")
     for title, part in parts.items():
-        if len({part(one) for one in both}) < 2:
-            continue
-        judged = list(unseen(both, part))
-        for given, count in (("one recording", 1), ("two", 2)):
-            some = [pair for pair in judged if len(pair[0].account.astray) == count]
-            if some:
-                worlds, *values = scores(some).values()
-                cells = [title, given, f"{worlds:.0f}", *(f"{value:.2f}" for value in values)]
-                print(f"| {' | '.join(cells)} |")
+        if len({part(one) for one in both}) >= 2:
+            _row(title, list(unseen(both, part)))
+    # which may have been learned from some of these worlds
+    _row("nothing: the weights that ship", [(one, Weighing.shipped().judged(one.account)) for one in both])
     for shape, (mean, spread, count) in usual(both).items():
         print(f"{shape}: ln of what {count} healthy twins leave {mean:.2f} ± {spread:.2f}")
     weighing = learned(both)
@@ -234,6 +230,16 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
         weights = {name: round(value, 4) for name, value in asdict(weighing).items()}
         out.write_text(json.dumps({"learned from": about, "weights": weights}, indent=1) + "\n")
         print(f"wrote {out}")
+
+
+def _row(title: str, judged: Sequence[tuple[Told, Judged]]) -> None:
+    """Print how well worlds were judged, with one recording and with two."""
+    for given, count in (("one recording", 1), ("two", 2)):
+        some = [pair for pair in judged if len(pair[0].account.astray) == count]
+        if some:
+            worlds, *values = scores(some).values()
+            cells = [title, given, f"{worlds:.0f}", *(f"{value:.2f}" for value in values)]
+            print(f"| {' | '.join(cells)} |")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
