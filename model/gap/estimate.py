@@ -144,16 +144,20 @@ class Misfit(Residuals):
 
     def until(self, last: int) -> "Misfit":
         """The same over the frames up to `last`."""
-        span = replace(self.span, last=last)
-        return Misfit(self.hypothesis, self.observer, span, self.noise, self.most, self.steady)
+        return self._but(span=replace(self.span, last=last))
 
     def giving_up(self, most: int) -> "Misfit":
         """The same, in which a world that needs more than so many substeps per frame is lost."""
-        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most, self.steady)
+        return self._but(most=most)
 
     def steadily(self) -> "Misfit":
         """The same, in which slopes of `STEADY` quantities are looked at once."""
-        return Misfit(self.hypothesis, self.observer, self.span, self.noise, self.most, steady=True)
+        return self._but(steady=True)
+
+    def _but(self, span: Span | None = None, most: int | None = None, steady: bool = False) -> "Misfit":
+        """The same, but for what is given."""
+        most, steady = self.most if most is None else most, steady or self.steady
+        return Misfit(self.hypothesis, self.observer, span or self.span, self.noise, most, steady)
 
     @property
     def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:

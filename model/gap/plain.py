@@ -219,9 +219,8 @@ class PlainTwin:
     def _elsewhere(self) -> list[str]:
         """Quantities that say where each hand is, hand by hand, x, y and z."""
         count = 0 if self.hands is None else int(self.hands.max(initial=-1)) + 1
-        return (
-            [f"{HAND}{k + 1}_{axis}" for k in range(count) for axis in "xyz"] if count <= MOST_HANDS else []
-        )
+        hands = range(1, count + 1) if count <= MOST_HANDS else ()
+        return [f"{HAND}{hand}_{axis}" for hand in hands for axis in "xyz"]
 
     @property
     def _stiffest(self) -> float:

@@ -35,8 +35,7 @@ def held_places(
         Crystallographica A 32.
     """
     places = controllers.astype(np.float64)
-    hands = _hands(places[0], apart)
-    nearest = hands[cKDTree(places[0]).query(points)[1]]
+    hands, nearest = _holding(places[0], points, apart)
     carried = np.zeros((len(places), *points.shape))
     for hand in np.unique(nearest):
         own, mine = places[:, hands == hand], nearest == hand
@@ -54,8 +53,8 @@ def holding(
         points: Held points in the first frame [m].
         apart: As of `held_places`.
     """
-    hands = _hands(controllers, apart)[cKDTree(controllers).query(points)[1]]
-    counted: Int64[Array, " H"] = np.unique(hands, return_inverse=True)[1].astype(np.int64)
+    nearest = _holding(controllers, points, apart)[1]
+    counted: Int64[Array, " H"] = np.unique(nearest, return_inverse=True)[1].astype(np.int64)
     return counted
 
 
@@ -78,6 +77,14 @@ def held_distance(
     np.minimum.at(least, hand, distance)
     farther: Float64[Array, " H"] = np.sqrt(distance**2 - least[hand] ** 2)
     return farther
+
+
+def _holding(
+    controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
+) -> tuple[Int64[Array, " C"], Int64[Array, " H"]]:
+    """The hand that each controller belongs to, and the one that holds each point."""
+    hands = _hands(controllers, apart)
+    return hands, hands[cKDTree(controllers).query(points)[1]]
 
 
 def _hands(places: Float64[Array, "C 3"], apart: float) -> Int64[Array, " C"]:
