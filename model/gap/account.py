@@ -18,7 +18,7 @@ FINEST = 1e-3
 """No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
 no less noise."""
 
-MEANING = 4
+MEANING = 5
 """Of an account, counted up whenever what it tells is measured otherwise: no weights are learned of both."""
 
 Left = tuple[float, float]
@@ -40,18 +40,25 @@ class Explained:
     elsewhere: float = 0.0
     """In another recording; 0: there is none, or the effect cannot act there, or explains nothing here."""
 
+    slowly: float = 0.0
+    """In all frames of the same recording, as a slow observer sees them (`slowly`)."""
+    slowly_elsewhere: float = 0.0
+    """In all of the other one."""
+
     @classmethod
-    def of(cls, fitted: Left, later: Left, elsewhere: Left | None = None) -> "Explained":
-        """From what is left in each part."""
+    def of(
+        cls, fitted: Left, later: Left, elsewhere: Left | None = None, slowly: tuple[float, ...] = ()
+    ) -> "Explained":
+        """From what is left in each part; and what is explained slowly here, and in the other recording."""
         first = _explained(fitted)
         most = BEYOND * max(first, 0.0)
         others = (min(_explained(left), most) if left is not None else 0.0 for left in (later, elsewhere))
-        return cls(first, *others)
+        return cls(first, *others, *(float(np.clip(one, *MOST)) for one in slowly))
 
     @property
     def total(self) -> float:
         """Of all parts."""
-        return self.fitted + self.later + self.elsewhere
+        return self.fitted + self.later + self.elsewhere + self.slowly + self.slowly_elsewhere
 
 
 @dataclass(frozen=True)

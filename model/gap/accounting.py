@@ -8,6 +8,7 @@ from model.gap.forecast import Forecast, forecast
 from model.gap.joint import fitted_jointly
 from model.gap.schema import EFFECT_NAMES
 from model.gap.size import size_of
+from model.gap.slowly import explained_slowly, left_slowly
 from model.gap.study import Study
 from model.gap.transfer import Transferred
 from model.gap.verdict import Judged
@@ -15,9 +16,9 @@ from model.schema import EffectName
 
 SEEN = 0.98
 """An effect that leaves more than this share of what the plain twin does is not there to be seen."""
-SHARED = 0.9
-"""One that leaves more than this share is not fitted to both recordings: what it explains in the other counts
-at most as much as that, and each such fit takes as long as the first."""
+SHARED = 0.1
+"""One that explains fewer e-folds in the first recording is not fitted to both: what it explains in the other
+counts at most as much as that, and each such fit takes as long as the first."""
 
 
 def account_of(
@@ -39,8 +40,13 @@ def account_of(
         refitted: What `plain` foretells in the other recording.
     """
     cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
+    slowly = left_slowly(plain.misfit, plain.estimate.values)
     explained = {
-        name: Explained.of((cost, one.estimate.cost), (later, held_out(fitted, one.foretold)))
+        name: Explained.of(
+            (cost, one.estimate.cost),
+            (later, held_out(fitted, one.foretold)),
+            slowly=(explained_slowly(slowly, left_slowly(one.misfit, one.estimate.values)),),
+        )
         if one.estimate.cost < SEEN * cost
         else Explained()
         for name, one in confirmed.items()
@@ -50,14 +56,20 @@ def account_of(
     if other is not None:
         # as many rounds as an effect gets there: to be followed, and from hardly any of it to be shared
         there = other.further(other.further(other.followed(plain)))
+        slowly_there = left_slowly(there.misfit, there.estimate.values)
         shared.update(explained)
         for name, one in confirmed.items():
-            both = fitted_jointly(one, plain, other, there) if one.estimate.cost < SHARED * cost else None
+            worth = max(explained[name].fitted, explained[name].slowly)
+            both = fitted_jointly(one, plain, other, there) if worth > SHARED else None
             if both is None:
                 continue
             foretold = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
-            elsewhere = (there.estimate.cost, both.left[1])
-            shared[name] = Explained.of((cost, both.left[0]), (later, held_out(fitted, foretold)), elsewhere)
+            shared[name] = Explained.of(
+                (cost, both.left[0]),
+                (later, held_out(fitted, foretold)),
+                (there.estimate.cost, both.left[1]),
+                (explained_slowly(slowly, both.slowly[0]), explained_slowly(slowly_there, both.slowly[1])),
+            )
         left.append(against_ordinary(there.estimate.cost, other.told_noise))
     return Account(
         fitted.plain.twin.body.shape,

@@ -23,7 +23,7 @@ TIMES: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 1}
 """So often each place where a fit of the plain twin may begin is looked at, with other strengths of the
 effect; what has many springs takes longer."""
 FOLLOWED: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 2}
-"""Of all that is looked at; of two one is faint and one strong."""
+"""Of all that is looked at, where rollouts do not take long; of two one is faint and one strong."""
 
 
 def afresh(study: Study, hypothesis: Hypothesis) -> Estimate:
@@ -39,7 +39,8 @@ def afresh(study: Study, hypothesis: Hypothesis) -> Estimate:
     left = (misfit(starts) ** 2).mean(1)
     quarter = quarter_of(misfit)
     found = []
-    for one in _followed(left, strength, FOLLOWED[study.plain.twin.body.shape]):
+    count = 1 if study.dear else FOLLOWED[study.plain.twin.body.shape]
+    for one in _followed(left, strength, count):
         misfit.settle()
         found.append(estimate(misfit, starts[one][None], STEPS, quarter, slopes=False))
     return min(found, key=lambda one: one.cost)

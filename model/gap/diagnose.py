@@ -39,6 +39,8 @@ LIKELIEST, EXPLAINING = 1, 4
 """Effects that are fitted: the jury's likeliest, and those that explain most after a step."""
 FITTED: Mapping[Shape, int] = {"rope": 5, "sheet": 3, "solid": 5}
 """At most: fits of sheets take twice as long as others."""
+FITTED_DEAR = 3
+"""At most, where rollouts take long."""
 BETTER = 0.95
 """Two effects are named where together they leave less than this share of what one leaves."""
 
@@ -91,7 +93,7 @@ def _diagnosed(
     other = None if transfer is None else transferred(fitted, transfer)
     screened = _screened(fitted, other, tell)
     tell("confirm", 0.6)
-    likely = _likely(screened, fitted.plain.twin.body.shape)
+    likely = _likely(screened.begins, screened.first, fitted)
     anew = {name: _afresh(fitted, screened, name) for name in likely}
     plain = _refitted(fitted, anew)
     confirmed = {name: _fitted(fitted, plain, screened, name, anew[name]) for name in likely}
@@ -179,8 +181,9 @@ def _tried(
     return Tried(verdict, confirmed, None, confirmed[best], place, account)
 
 
-def _likely(screened: _Screened, shape: Shape) -> list[EffectName]:
+def _likely(begins: Mapping[EffectName, Begun], first: Judged, fitted: Study) -> list[EffectName]:
     """Those that the jury ranks first, and those that leave least after a step."""
-    begins = screened.begins
-    ranked = [name for name in screened.first.ranked if name in begins][:LIKELIEST]
-    return list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))[: FITTED[shape]]
+    most = FITTED[fitted.plain.twin.body.shape]
+    ranked = [name for name in first.ranked if name in begins][:LIKELIEST]
+    likely = list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
+    return likely[: min(most, FITTED_DEAR) if fitted.dear else most]

@@ -2,13 +2,13 @@
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import torch
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 from scipy.optimize import OptimizeResult, least_squares
 
 from model.gap.effects.base import Quantity
@@ -32,9 +32,12 @@ TRIALS = 3
 """Places tried for a step, shorter while they lead uphill: each costs far less than the slopes do."""
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
-STEADY = HAND
-"""How quantities begin whose slopes may be looked at once, in a fit of which only the end is asked for: where
-a hand is moves what it holds much the same, whatever that is made of, and there are up to six of them."""
+STEADY = (HAND, "residual_")
+"""How quantities begin whose slopes are kept from step to step. Where a hand is moves what it holds much the
+same, whatever that is made of, and there are up to six of them; a flexible force is linear in its forty
+weights."""
+KEPT = 4
+"""Steps in which they are; then, and where a fit ends, they are looked at anew."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +112,6 @@ class Misfit(Residuals):
         span: Which frames count.
         noise: Standard deviation of an innovation that is noise alone [m].
         most: Substeps per frame; a world that needs more is given up as lost. None: none is.
-        steady: Slopes of `STEADY` quantities are looked at once, not in each step.
     """
 
     def __init__(
@@ -119,14 +121,13 @@ class Misfit(Residuals):
         span: Span,
         noise: float,
         most: int | None = None,
-        steady: bool = False,
     ) -> None:
         """See the class."""
         self.hypothesis, self.observer, self.span, self.noise = hypothesis, observer, span, noise
-        self.most, self.steady = most, steady
+        self.most = most
         self.coordinates = Coordinates(hypothesis.quantities)
         self.width = WIDEST if hypothesis.together else 1
-        self.evaluations, self._substeps = 0, 0
+        self.evaluations, self._substeps, self._looks = 0, 0, 0
         frames = slice(span.first, span.last + 1)
         self._seen = observer.seen[frames].clone()
         self._seen[0] = False
@@ -144,20 +145,18 @@ class Misfit(Residuals):
 
     def until(self, last: int) -> "Misfit":
         """The same over the frames up to `last`."""
-        return self._but(span=replace(self.span, last=last))
+        span = replace(self.span, last=last)
+        return Misfit(self.hypothesis, self.observer, span, self.noise, self.most)
 
     def giving_up(self, most: int) -> "Misfit":
         """The same, in which a world that needs more than so many substeps per frame is lost."""
-        return self._but(most=most)
+        return Misfit(self.hypothesis, self.observer, self.span, self.noise, most)
 
-    def steadily(self) -> "Misfit":
-        """The same, in which slopes of `STEADY` quantities are looked at once."""
-        return self._but(steady=True)
-
-    def _but(self, span: Span | None = None, most: int | None = None, steady: bool = False) -> "Misfit":
-        """The same, but for what is given."""
-        most, steady = self.most if most is None else most, steady or self.steady
-        return Misfit(self.hypothesis, self.observer, span or self.span, self.noise, most, steady)
+    def through(self, observer: Observer, span: Span) -> "Misfit":
+        """The same of other frames, as another observer of them sees it, time divided as finely."""
+        other = Misfit(self.hypothesis, observer, span, self.noise, self.most)
+        other._substeps = self._substeps
+        return other
 
     @property
     def bounds(self) -> tuple[Float64[Array, " d"], Float64[Array, " d"]]:
@@ -169,9 +168,13 @@ class Misfit(Residuals):
         """How many innovations there are: three for each point that is seen in a frame."""
         return 3 * int(self._seen.sum())
 
+    def frame_of_residuals(self) -> Int64[Array, " m"]:
+        """Of each innovation, counted from the first of the span."""
+        return np.repeat(self._seen.nonzero()[:, 0].numpy(), 3)
+
     def settle(self) -> None:
-        """Forget how finely time was divided for worlds that were looked at before."""
-        self._substeps = 0
+        """Forget how finely time was divided for worlds that were looked at before, and their slopes."""
+        self._substeps = self._looks = 0
 
     def needs(self, vector: Float64[Array, " d"]) -> int:
         """Substeps per frame that the world of a vector asks for."""
@@ -199,24 +202,44 @@ class Misfit(Residuals):
         return self._substeps
 
     def jacobian(self, vector: Float64[Array, " d"], width: float = STEPS[-1]) -> Float64[Array, "m d"]:
-        """Slopes by one-sided differences of this width, away from the nearer bound; steady ones once."""
+        """Slopes by one-sided differences of this width, away from the nearer bound.
+
+        Those of `STEADY` quantities may be of one of the places before: see `renewed`.
+        """
+        names = self.coordinates.names
+        if self._looks % KEPT == 0:
+            self._kept = {}
+        self._looks += 1
+        moved = [i for i, name in enumerate(names) if name not in self._kept]
+        columns = self._kept | dict(
+            zip([names[i] for i in moved], self._slopes(vector, moved, width), strict=True)
+        )
+        self._kept = {name: one for name, one in columns.items() if name.startswith(STEADY)}
+        return np.stack([columns[name] for name in names], axis=1)
+
+    def renewed(self, vector: Float64[Array, " d"], slopes: Float64[Array, "m d"]) -> Float64[Array, "m d"]:
+        """What `jacobian` has just given at a vector, with those slopes looked at that it had kept."""
+        kept = [i for i, name in enumerate(self.coordinates.names) if name in self._kept]
+        if not kept or self._looks % KEPT == 1:
+            return slopes
+        fresh = slopes.copy()
+        fresh[:, kept] = np.stack(self._slopes(vector, kept, STEPS[-1]), axis=1)
+        return fresh
+
+    def _slopes(
+        self, vector: Float64[Array, " d"], moved: Sequence[int], width: float
+    ) -> list[Float64[Array, " m"]]:
+        """Of the coordinates with these indices."""
         _, high = self.coordinates.bounds
         step = np.where(vector + width > high, -width, width)
-        names = self.coordinates.names
-        moved = [i for i, name in enumerate(names) if name not in self._kept]
         rows = [
             np.concatenate([vector[None], part])
             for part in _portions((vector + np.diag(step))[moved], max(1, self.width - 1))
         ]
         # the unmoved world rolls out beside the moved ones, in the same substeps: else their difference has
         # the time-stepping error in it
-        change = np.concatenate([found[1:] - found[:1] for found in (self(row) for row in rows)])
-        fresh = {names[i]: one / step[i] for i, one in zip(moved, change, strict=True)}
-        columns = {**self._kept, **fresh}
-        if self.steady:
-            self._kept |= {name: one for name, one in fresh.items() if name.startswith(STEADY)}
-        slopes: Float64[Array, "m d"] = np.stack([columns[name] for name in names], axis=1)
-        return slopes
+        change = [one for found in map(self, rows) for one in found[1:] - found[:1]]
+        return [one / step[i] for i, one in zip(moved, change, strict=True)]
 
     def _some(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
         self.evaluations += len(vectors)
@@ -286,8 +309,7 @@ def estimate(
         slopes: Where it ends slopes are looked at as well. Without, they are those of the step before.
     """
     spent = 0
-    misfit = misfit if slopes else misfit.steadily()
-    vector = found = None
+    vector = found = jacobian = None
     for last in _horizons(misfit.span, shortest):
         part = misfit.until(last)
         low, high = part.coordinates.bounds
@@ -298,15 +320,17 @@ def estimate(
         ends = last == misfit.span.last
         found = descended(part, vector, starts[0], steps, slopes=slopes and ends)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)
+        jacobian = found.jac[: len(found.fun) - len(vector)]
+        if slopes and ends:
+            jacobian = part.renewed(found.x, jacobian)
         spent += part.evaluations
-    assert vector is not None
     assert found is not None
-    count = len(found.fun) - len(vector)
+    assert jacobian is not None
     return Estimate(
         misfit.coordinates.values(found.x),
         found.x,
-        found.fun[:count],
-        found.jac[:count],
+        found.fun[: len(jacobian)],
+        jacobian,
         spent,
     )
 

@@ -11,6 +11,7 @@ from model.gap.confirm import Fitted
 from model.gap.estimate import Misfit, Residuals, descended
 from model.gap.hypothesis import Hypothesis
 from model.gap.search import FAINT, strong
+from model.gap.slowly import left_slowly
 from model.gap.study import STEPS
 from model.gap.transfer import Followed, Transferred
 from model.types import Array
@@ -105,6 +106,8 @@ class Jointly:
     """In the first recording."""
     left: tuple[float, float]
     """Mean square of what is left unexplained in each, over the sensor's noise."""
+    slowly: tuple[Float64[Array, " k"], Float64[Array, " k"]]
+    """What a slow observer finds left in each, in blocks of time."""
 
 
 def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Followed) -> Jointly | None:
@@ -125,7 +128,7 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     if len(hypothesis.effects) < len(one.hypothesis.effects):
         return None
     there = other.followed(one)
-    here, again = one.misfit.of(one.hypothesis).steadily(), other.misfit(hypothesis).steadily()
+    here, again = one.misfit.of(one.hypothesis), other.misfit(hypothesis)
     joint = Joint((here, again))
     found, followed = one.estimate.values, {**one.estimate.values, **there.estimate.values}
     for misfit, values in ((here, found), (again, followed)):
@@ -146,9 +149,10 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     best = int(np.argmin([np.log(left).sum() for left in lefts]))
     joint = Joint((here, again), lefts[best])
     result = descended(joint, tried[best], tried[best], STEPS, slopes=False)
-    return Jointly(
-        here.coordinates.values(joint.of_each(result.x)[0]), joint.left(result.fun[: -len(result.x)])
-    )
+    each = zip((here, again), joint.of_each(result.x), strict=True)
+    first, second = ((misfit, misfit.coordinates.values(vector)) for misfit, vector in each)
+    left = joint.left(result.fun[: -len(result.x)])
+    return Jointly(first[1], left, (left_slowly(*first), left_slowly(*second)))
 
 
 def _moderate(hypothesis: Hypothesis, values: Mapping[str, float]) -> dict[str, float]:

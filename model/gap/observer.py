@@ -1,5 +1,6 @@
 """A simulation that is led by an observation, and by how much it has to be led."""
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,6 +56,12 @@ class Observer:
         apart = torch.cdist(world.system.points, rest)
         reach = torch.maximum(apart.amin(1, keepdim=True), torch.tensor(0.7 * world.spacing, dtype=dtype))
         self._spread: Float[Tensor, "P N"] = torch.exp(-0.5 * (apart / reach) ** 2)
+
+    def forgetting(self, patience: float) -> "Observer":
+        """The same, but for how long an error lives [s]."""
+        other = copy(self)
+        other.patience = patience
+        return other
 
     def lead(
         self,

@@ -37,6 +37,9 @@ SPREAD = {
     "bending_decay": 1.5,
 }
 """How far around the places are, in powers of e."""
+DEAR = 1.5e7
+"""Springs times substeps of a plain twin, over all frames, from which on less is looked at: a stiff solid
+would take ten minutes."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,12 @@ class Study:
         seen: Bool[Array, "F N"] = self.observer.seen[: self.split].numpy().copy()
         seen[0] = False
         return seen
+
+    @property
+    def dear(self) -> bool:
+        """A rollout takes so long that whoever has a choice looks at less."""
+        springs, frames = len(self.plain.twin.body.springs), len(self.observation.times)
+        return springs * frames * self.misfit.needs(self.base.vector) > DEAR
 
     def frame_of_residuals(self) -> Int64[Array, " m"]:
         """Frame of each residual of the misfit, which has three for each point that is seen."""

@@ -42,11 +42,14 @@ class Weighing:
     """For each e-fold that is explained in the frames of the fit."""
     later: float
     elsewhere: float
+    slowly: float
+    """For each e-fold that a slow observer sees explained."""
+    slowly_elsewhere: float
     harm: float
     """On top of that where it is less than nothing: as strong in both recordings, what is really missing does
     no harm in either, and what is not often does in one."""
     sheet: float
-    """On top of the three parts, of sheets, whose plain twins are worse."""
+    """On top of all parts, of sheets, whose plain twins are worse."""
     buckling: float
     """Of slack springs in what is thin."""
     unknown: float
@@ -93,6 +96,8 @@ class Weighing:
             + (self.fitted + extra) * one.fitted
             + (self.later + extra) * one.later
             + (self.elsewhere + extra) * one.elsewhere
+            + (self.slowly + extra) * one.slowly
+            + (self.slowly_elsewhere + extra) * one.slowly_elsewhere
             + self.harm * min(one.elsewhere, 0.0)
             + (self.buckling if thin and name == SLACK else 0.0)
             for name, one in account.told.items()

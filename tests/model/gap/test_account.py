@@ -27,6 +27,16 @@ def test_what_the_fitted_frames_hardly_show_others_do_not_decide():
     assert Explained.of((faint, 1.0), (1.0, 2.0)).later == pytest.approx(-np.log(2.0)), "harm counts in full"
 
 
+def test_what_is_seen_slowly_counts_by_itself():
+    """It may be much where the fitted frames, seen quickly, show little: that is what it is for."""
+    faint = np.exp(0.04)
+    both = Explained.of((faint, 1.0), (1.0, 1.0), (1.0, 1.0), slowly=(2.0, -9.0))
+    assert (both.slowly, both.slowly_elsewhere) == (2.0, MOST[0])
+    assert both.total == pytest.approx(0.04 + 2.0 + MOST[0])
+    alone = Explained.of((faint, 1.0), (1.0, 1.0), slowly=(2.0,))
+    assert (alone.slowly, alone.slowly_elsewhere) == (2.0, 0.0)
+
+
 def test_without_the_other_recording():
     here, both = {"wind": Explained(0.5, 0.4)}, {"wind": Explained(0.4, 0.3, 0.9)}
     account = Account("rope", {"wind": 0.1}, here, both, (0.05, 0.01), (4.0, 2.0))

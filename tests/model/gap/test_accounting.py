@@ -27,7 +27,8 @@ def test_of_one_recording(dragged, twin):
     one = account.explained["quadratic_air_drag"]
     assert one.fitted > 3.0
     assert one.later > 0.5
-    assert one.elsewhere == 0.0
+    assert one.slowly > 0.5
+    assert one.elsewhere == one.slowly_elsewhere == 0.0
     assert account.shared == {}
     assert account.told == account.explained
     assert len(account.left) == len(account.astray) == 1
@@ -47,6 +48,8 @@ def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell
     assert held > account.left[1], "as strong as the first has it, it does harm"
     assert shared.elsewhere > 0.1
     assert shared.fitted > 0.1, "linear drag takes most of it"
+    assert shared.slowly > 0.1
+    assert shared.slowly_elsewhere > 0.1
     assert account.told == account.shared
     assert len(account.left) == len(account.astray) == 2
 
@@ -68,4 +71,4 @@ def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(grounded, t
     assert shared.fitted > 0.0
     less = np.log(plain.estimate.cost / one.estimate.cost)
     assert shared.fitted == pytest.approx(min(less, MOST[1]))
-    assert shared.elsewhere == 0.0
+    assert shared.elsewhere == shared.slowly_elsewhere == 0.0

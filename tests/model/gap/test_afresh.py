@@ -84,6 +84,18 @@ def test_every_strength_of_every_probe_is_looked_at_softest_first(dragged, with_
     assert len(own) == len(starts) // times
 
 
+def test_where_rollouts_take_long_one_is_followed(dragged, with_drag, monkeypatch):
+    monkeypatch.setattr("model.gap.afresh.FOLLOWED", {"sheet": 2})
+    often = afresh(dragged, with_drag)
+    monkeypatch.setattr("model.gap.study.DEAR", 0.0)
+    once = afresh(dragged, with_drag)
+    assert often.cost <= once.cost
+    counts = []
+    monkeypatch.setattr("model.gap.afresh.estimate", lambda *arguments, **others: counts.append(1) or often)
+    afresh(dragged, with_drag)
+    assert len(counts) == 1
+
+
 def test_of_two_one_is_faint_and_one_strong():
     left, strength = np.array([3.0, 1.0, 2.0, 5.0]), np.array([0.25, 0.25, 4.0, 16.0])
     assert _followed(left, strength, 2) == [1, 2]

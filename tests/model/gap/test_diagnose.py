@@ -10,6 +10,8 @@ from model.gap.classifier import CLASSES, Jury
 from model.gap.diagnose import diagnose
 from model.gap.effects import GravityTilt, GroundAdhesion, QuadraticAirDrag
 from model.gap.schema import EFFECT_NAMES, GapReport
+from model.gap.search import Begun
+from model.gap.verdict import Judged
 
 STICKY = {"adhesion.pull_per_mass": 60.0, "adhesion.reach": 0.01}
 TRIED = (QuadraticAirDrag, GravityTilt, GroundAdhesion)
@@ -56,6 +58,16 @@ def holds(diagnosis, observation):
     assert report.gap.heldout[-1][1] == pytest.approx(observation.times[-1])
     assert diagnosis.findings.observed.shape == diagnosis.findings.before.shape
     return report
+
+
+def test_fewer_effects_are_fitted_where_rollouts_take_long(short, studied, monkeypatch):
+    study, names = studied(short), list(EFFECT_NAMES)
+    begins = {name: Begun(np.zeros(1), 1.0) for name in names}
+    first = Judged({name: float(rank) for rank, name in enumerate(names)})
+    usual = module._likely(begins, first, study)
+    assert usual == [names[-1], *names[: module.EXPLAINING]]
+    monkeypatch.setattr("model.gap.study.DEAR", 0.0)
+    assert module._likely(begins, first, study) == usual[: module.FITTED_DEAR]
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from model.gap.effects import GravityTilt, QuadraticAirDrag
 from model.gap.joint import Joint, fitted_jointly
 from model.gap.observer import Observer
 from model.gap.search import FAINT
+from model.gap.slowly import left_slowly
 from model.gap.transfer import transferred
 
 DRAG = "quadratic_air_drag.drag_per_mass"
@@ -87,6 +88,8 @@ def test_what_the_first_recording_gets_wrong_the_other_puts_right(dragged, other
     assert found.left[1] < held.estimate.cost
     assert found.left[1] < 0.8 * elsewhere.estimate.cost
     assert found.left[0] < 0.8 * plain.estimate.cost
+    assert found.slowly[0].mean() < 0.8 * left_slowly(plain.misfit, plain.estimate.values).mean()
+    assert found.slowly[1].mean() < 0.8 * left_slowly(elsewhere.misfit, elsewhere.estimate.values).mean()
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,15 @@ def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
 
 
 @pytest.mark.usefixtures("sheets_too")
+def test_halves_are_not_searched_where_rollouts_take_long(pulled, studied, monkeypatch):
+    halves = halves_of(studied(pulled).plain.twin.body.points)
+    study = studied(pulled, (Plasticity(),), YIELDS, tensor(halves[0].field))
+    plastic = [effect for effect in able_effects(study) if effect.name == "plasticity"]
+    monkeypatch.setattr("model.gap.study.DEAR", 0.0)
+    assert searched(study, plastic)["plasticity"].where is None
+
+
+@pytest.mark.usefixtures("sheets_too")
 def test_what_acts_everywhere_begins_everywhere(pulled, studied):
     study = studied(pulled, (Plasticity(),), YIELDS)
     plastic = [effect for effect in able_effects(study) if effect.name == "plasticity"]

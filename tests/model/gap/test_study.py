@@ -46,6 +46,15 @@ def test_residuals_are_of_points_that_were_seen(found, rope):
     np.testing.assert_array_equal(field[seen].ravel(), found.base.residuals)
 
 
+def test_it_is_dear_where_there_are_many_springs_frames_and_substeps(found, monkeypatch):
+    assert not found.dear
+    body, substeps = found.plain.twin.body, found.misfit.needs(found.base.vector)
+    work = len(body.springs) * substeps * len(found.observation.times)
+    for limit in (work - 1, work + 1):
+        monkeypatch.setattr("model.gap.study.DEAR", limit)
+        assert found.dear == (limit < work)
+
+
 def test_fits_begin_with_what_the_twin_came_with_and_all_around_it(found):
     starts = starts_of(found.misfit, found.start)
     coordinates = found.misfit.coordinates

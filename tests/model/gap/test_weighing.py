@@ -14,6 +14,8 @@ WEIGHTS = Weighing(
     fitted=3.0,
     later=2.0,
     elsewhere=4.0,
+    slowly=1.5,
+    slowly_elsewhere=2.5,
     harm=5.0,
     sheet=-1.0,
     buckling=-4.0,
@@ -42,6 +44,8 @@ def test_odds_are_the_weighed_sum_of_what_is_explained():
     judged = WEIGHTS.judged(account(wind=Explained(1.0, 0.5, 0.25), damage=Explained(0.2)))
     assert odds(judged, "wind") == pytest.approx(-5.0 + 3.0 + 1.0 + 1.0)
     assert odds(judged, "damage") == pytest.approx(-5.0 + 0.6)
+    slow = WEIGHTS.judged(account(wind=Explained(1.0, slowly=2.0, slowly_elsewhere=-1.0)))
+    assert odds(slow, "wind") == pytest.approx(-5.0 + 3.0 + 3.0 - 2.5)
     assert odds(judged, "unknown") == pytest.approx(-2.0)
     assert sum(judged.chances.values()) == pytest.approx(1.0)
 
@@ -53,7 +57,7 @@ def test_what_does_harm_elsewhere_is_not_what_is_missing():
 
 
 def test_sheets_have_to_explain_more():
-    wind = Explained(1.0, 0.5, 0.25)
+    wind = Explained(1.0, 0.5, 0.25, 0.5, 1.0)
     rope, sheet = (WEIGHTS.judged(account(shape, wind=wind)) for shape in ("rope", "sheet"))
     assert odds(rope, "wind") - odds(sheet, "wind") == pytest.approx(wind.total)
 
