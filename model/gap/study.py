@@ -38,8 +38,8 @@ SPREAD = {
 }
 """How far around the places are, in powers of e."""
 DEAR = 1.5e7
-"""Springs times substeps of a plain twin, over all frames, from which on less is looked at: a stiff solid
-would take ten minutes."""
+"""Springs times substeps of a plain twin, over all frames, from which on less is looked at: stiff solids take
+longer than anything else."""
 
 
 @dataclass(frozen=True)
