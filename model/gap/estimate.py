@@ -32,12 +32,10 @@ TRIALS = 3
 """Places tried for a step, shorter while they lead uphill: each costs far less than the slopes do."""
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
-STEADY = (HAND, "residual_")
-"""How quantities begin whose slopes are kept from step to step. Where a hand is moves what it holds much the
-same, whatever that is made of, and there are up to six of them; a flexible force is linear in its forty
-weights."""
-KEPT = 4
-"""Steps in which they are; then, and where a fit ends, they are looked at anew."""
+STEADY: Mapping[str, int] = {HAND: 4, "residual_": 2}
+"""How quantities begin whose slopes are kept from step to step, and in how many: then, and where a fit ends,
+they are looked at anew. Where a hand is moves what it holds much the same, whatever that is made of, and
+there are up to six of them; a flexible force is nearly linear in its forty weights."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +131,7 @@ class Misfit(Residuals):
         self._seen[0] = False
         self._places = observer.places[frames]
         self._kept: dict[str, Float64[Array, " m"]] = {}
+        self._stale: tuple[str, ...] = ()
 
     def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
         """Innovations over their noise, bounded where a prediction is lost, one row for each world."""
@@ -207,20 +206,18 @@ class Misfit(Residuals):
         Those of `STEADY` quantities may be of one of the places before: see `renewed`.
         """
         names = self.coordinates.names
-        if self._looks % KEPT == 0:
-            self._kept = {}
-        self._looks += 1
-        moved = [i for i, name in enumerate(names) if name not in self._kept]
-        columns = self._kept | dict(
-            zip([names[i] for i in moved], self._slopes(vector, moved, width), strict=True)
-        )
-        self._kept = {name: one for name, one in columns.items() if name.startswith(STEADY)}
+        kept = {name: one for name, one in self._kept.items() if self._looks % _steadiness(name)}
+        self._looks, self._stale = self._looks + 1, tuple(kept)
+        moved = [i for i, name in enumerate(names) if name not in kept]
+        fresh = zip([names[i] for i in moved], self._slopes(vector, moved, width), strict=True)
+        columns = kept | dict(fresh)
+        self._kept = {name: one for name, one in columns.items() if _steadiness(name) > 1}
         return np.stack([columns[name] for name in names], axis=1)
 
     def renewed(self, vector: Float64[Array, " d"], slopes: Float64[Array, "m d"]) -> Float64[Array, "m d"]:
         """What `jacobian` has just given at a vector, with those slopes looked at that it had kept."""
-        kept = [i for i, name in enumerate(self.coordinates.names) if name in self._kept]
-        if not kept or self._looks % KEPT == 1:
+        kept = [i for i, name in enumerate(self.coordinates.names) if name in self._stale]
+        if not kept:
             return slopes
         fresh = slopes.copy()
         fresh[:, kept] = np.stack(self._slopes(vector, kept, STEPS[-1]), axis=1)
@@ -409,6 +406,11 @@ def _after(steps: int) -> Callable[[OptimizeResult], None]:
             raise StopIteration
 
     return ended
+
+
+def _steadiness(name: str) -> int:
+    """Steps in which slopes of a quantity are as they were looked at."""
+    return max((steps for begins, steps in STEADY.items() if name.startswith(begins)), default=1)
 
 
 def _portions(vectors: Float64[Array, "b d"], size: int) -> list[Float64[Array, "c d"]]:

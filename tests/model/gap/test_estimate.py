@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from model.gap.bodies.body import body_of
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Quantity
-from model.gap.estimate import KEPT, Coordinates, Misfit, Span, estimate
+from model.gap.estimate import STEADY, Coordinates, Misfit, Span, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
@@ -132,7 +132,7 @@ def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(shaken):
     assert np.abs(every[:, hands] - first[:, hands]).max() > 0.3
     np.testing.assert_allclose(second[:, ~hands], every[:, ~hands], **alike)
     np.testing.assert_allclose(misfit.renewed(there, second), every, **alike)
-    for _ in range(KEPT - 1):
+    for _ in range(STEADY[HAND] - 1):
         last = misfit.jacobian(there)
     np.testing.assert_allclose(last, every, **alike)
 
