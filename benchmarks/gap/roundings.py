@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.gap.development import healthy_worlds
 from model.gap.bodies.body import body_of
-from model.gap.estimate import Misfit
+from model.gap.misfit import Misfit
 from model.gap.noise import noise_of
 from model.gap.plain import PlainTwin
 from model.gap.registration import Motion, moved

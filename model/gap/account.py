@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from model.schema import EffectName
+from model.types import Array
 
 MOST = (-1.0, 6.0)
 """Of what an effect may explain of one part of what was seen."""
@@ -17,6 +19,9 @@ little; and a twin that is lost without an effect, and with it is not, may have 
 FINEST = 1e-3
 """No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
 no less noise."""
+
+LEAST = 1e-12
+"""Of what is left: as good as nothing."""
 
 MEANING = 5
 """Of an account, counted up whenever what it tells is measured otherwise: no weights are learned of both."""
@@ -95,6 +100,12 @@ def against_ordinary(left: float, noise: float) -> float:
     return left * min(noise / FINEST, 1.0) ** 2
 
 
+def e_folds(without: Float64[Array, " k"], with_it: Float64[Array, " k"]) -> Float64[Array, " k"]:
+    """How many times less is left with an effect than without it, as a logarithm."""
+    logarithm: Float64[Array, " k"] = np.log(np.maximum(without, LEAST) / np.maximum(with_it, LEAST))
+    return logarithm
+
+
 def _explained(left: Left) -> float:
-    without, with_it = left
-    return float(np.clip(np.log(max(without, 1e-12) / max(with_it, 1e-12)), *MOST))
+    without, with_it = np.array(left, np.float64)[:, None]
+    return float(np.clip(e_folds(without, with_it), *MOST).item())

@@ -13,8 +13,9 @@ from jaxtyping import Float64
 
 from model.gap.bodies.guess import Shape
 from model.gap.effects.base import Effect
-from model.gap.estimate import Estimate, Misfit, estimate
+from model.gap.estimate import Estimate, estimate
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit
 from model.gap.search import STRENGTHS, affordable, known, named_probes, strong
 from model.gap.study import STEPS, Study, quarter_of, starts_of
 from model.types import Array

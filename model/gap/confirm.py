@@ -9,10 +9,12 @@ from scipy.stats import t as student
 
 from model.gap.acts_on import Acting
 from model.gap.blocks import block_length, blocks_of, correlation_time, independent_share, jackknife
+from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Effect, Field
-from model.gap.estimate import LOOSE, Coordinates, Estimate, Misfit, estimate
+from model.gap.estimate import LOOSE, Estimate, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit
 from model.gap.search import FAINT, strong
 from model.gap.study import STEPS, Study
 from model.gap.world import World

@@ -14,8 +14,8 @@ from jaxtyping import Float64, Int64
 
 from model.gap.bodies.first import first_places
 from model.gap.effects.base import Effect
-from model.gap.estimate import STEPS, Misfit, Span
 from model.gap.heading import heading
+from model.gap.misfit import STEPS, Misfit, Span
 from model.gap.probes import probes
 from model.gap.study import Study
 from model.types import Array

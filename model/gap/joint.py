@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from model.gap.account import LEAST
 from model.gap.confirm import Fitted
-from model.gap.estimate import Misfit, Residuals, descended
+from model.gap.estimate import descended
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit, Residuals
 from model.gap.search import FAINT, strong
 from model.gap.slowly import left_slowly
 from model.gap.study import STEPS
@@ -18,8 +20,6 @@ from model.types import Array
 
 WEAKER = (1.0, 0.5, 0.25)
 """Of the strength in the first recording, of which it may tell little: where a fit may begin."""
-LEAST = 1e-12
-"""Of what is left."""
 NEEDED, DIVISIONS = 0.7, 2
 """Time steps are halved while that leaves less than this share, so often at most."""
 

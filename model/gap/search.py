@@ -14,9 +14,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from model.gap.effects.base import Effect, Field
-from model.gap.estimate import LOOSE, STEPS, Misfit
+from model.gap.estimate import LOOSE
 from model.gap.fields import halves_of, tensor
 from model.gap.heading import heading
+from model.gap.misfit import STEPS, Misfit
 from model.gap.probes import probes
 from model.gap.schema import EFFECT_NAMES
 from model.gap.study import Study

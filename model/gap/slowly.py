@@ -8,15 +8,14 @@ slow one sees most of it; and what it sees no fit has made small, so a wrong eff
 import numpy as np
 from jaxtyping import Float64
 
-from model.gap.estimate import Misfit, Span
+from model.gap.account import e_folds
+from model.gap.misfit import Misfit, Span
 from model.types import Array
 
 SLOW = 0.6
 """Patience of the slow observer [s]."""
 BLOCKS = 8
 """Of time, each of which counts alike: what explains one fall does not explain a recording."""
-LEAST = 1e-12
-"""Mean square that is as good as none."""
 
 
 def left_slowly(misfit: Misfit, values: dict[str, float]) -> Float64[Array, " k"]:
@@ -26,7 +25,11 @@ def left_slowly(misfit: Misfit, values: dict[str, float]) -> Float64[Array, " k"
         misfit: Of a hypothesis, as it was fitted; all frames of its recording are looked at.
         values: Of its quantities.
     """
-    slow = misfit.through(misfit.observer.forgetting(SLOW), _whole(misfit))
+    observer, span = (
+        misfit.observer.forgetting(SLOW),
+        Span(0, len(misfit.observer.seen) - 1, misfit.span.state),
+    )
+    slow = misfit.through(observer, span)
     residuals = slow(misfit.coordinates.vector(values)[None])[0]
     block = slow.frame_of_residuals() * BLOCKS // (slow.span.last + 1)
     return np.array([np.mean(residuals[block == one] ** 2) for one in np.unique(block)])
@@ -34,8 +37,4 @@ def left_slowly(misfit: Misfit, values: dict[str, float]) -> Float64[Array, " k"
 
 def explained_slowly(without: Float64[Array, " k"], with_it: Float64[Array, " k"]) -> float:
     """How many times less is left with an effect, as a logarithm, on average over blocks of time."""
-    return float(np.mean(np.log(np.maximum(without, LEAST) / np.maximum(with_it, LEAST))))
-
-
-def _whole(misfit: Misfit) -> Span:
-    return Span(0, len(misfit.observer.seen) - 1, misfit.span.state)
+    return float(np.mean(e_folds(without, with_it)))

@@ -11,8 +11,9 @@ from torch import Tensor
 from model.gap.bodies.first import first_places
 from model.gap.effects.actuation_delay import ActuationDelay
 from model.gap.effects.base import Effect, Quantity
-from model.gap.estimate import LOOSE, Estimate, Misfit
+from model.gap.estimate import LOOSE, Estimate
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit
 from model.gap.observer import Observer
 from model.gap.schema import Closure, Sources
 from model.gap.study import Study

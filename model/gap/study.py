@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.stats import qmc
 
 from model.gap.bodies.body import body_of
-from model.gap.estimate import FIRST_HORIZON, Estimate, Misfit, Span, estimate
+from model.gap.estimate import FIRST_HORIZON, Estimate, estimate
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import HAND, PlainTwin
@@ -76,7 +77,7 @@ class Study:
 
     def frame_of_residuals(self) -> Int64[Array, " m"]:
         """Frame of each residual of the misfit, which has three for each point that is seen."""
-        return np.repeat(np.nonzero(self.seen)[0], 3)
+        return self.misfit.frame_of_residuals()
 
     def residuals(self, estimate: Estimate) -> Float64[Array, "F N 3"]:
         """Innovations over their noise as an array; zero where nothing was seen."""

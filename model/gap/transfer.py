@@ -15,9 +15,10 @@ from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.rest import rest_places
 from model.gap.confirm import Fitted
-from model.gap.estimate import Estimate, Misfit, Span, estimate
+from model.gap.estimate import Estimate, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import HAND, PlainTwin

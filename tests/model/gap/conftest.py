@@ -9,11 +9,12 @@ import torch
 from model.gap.bodies.body import body_of
 from model.gap.confirm import Fitted
 from model.gap.effects import StaticFriction
-from model.gap.estimate import Estimate, Misfit, Span
+from model.gap.estimate import Estimate
 from model.gap.evidence import BLOCKS, Column, Evidence
 from model.gap.forecast import forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.learn import Example
+from model.gap.misfit import Misfit, Span
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.study import Study

@@ -8,10 +8,11 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from model.gap.bodies.body import body_of
-from model.gap.effects import QuadraticAirDrag, StrainStiffening
+from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Quantity
-from model.gap.estimate import STEADY, Coordinates, Misfit, Span, estimate
+from model.gap.estimate import estimate
 from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import STEADY, Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import HAND, PlainTwin
@@ -42,6 +43,20 @@ def moved(still, hypothesis, values, noise=5e-4):
         points = world.sight(world.rollout().points).numpy()
     points = points + np.random.default_rng(1).normal(0, noise, points.shape)
     return replace(still, points=points.astype(np.float32))
+
+
+@pytest.fixture
+def followed(shaken):
+    """A function: misfit and start of a plain twin that follows one of which some values are multiplied."""
+    still, twin = shaken
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+
+    def of(**times):
+        seen = moved(still, plain, {**start, **{name: by * start[name] for name, by in times.items()}})
+        return Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4), start
+
+    return of
 
 
 def test_noise_is_told_from_motion(shaken):
@@ -109,13 +124,9 @@ def test_a_step_that_leads_uphill_is_tried_shorter(steps):
     assert np.sqrt(found.cost) < [1.45, 1.2, 0.7][steps - 1]
 
 
-def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(shaken):
+def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(followed):
     """Some steps, and until they are asked for where a fit ends; all others are looked at anew each time."""
-    still, twin = shaken
-    plain = Hypothesis(twin)
-    start = {name: quantity.start for name, quantity in plain.quantities.items()}
-    seen = moved(still, plain, {**start, "stiffness": 0.4 * start["stiffness"]})
-    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    misfit, start = followed(stiffness=0.4)
     hands = np.array([name.startswith(HAND) for name in misfit.coordinates.names])
     assert hands.sum() == 3
     here, there = (
@@ -127,7 +138,7 @@ def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(shaken):
     second = misfit.jacobian(there)
     assert misfit.evaluations - spent == spent - hands.sum()
     np.testing.assert_array_equal(second[:, hands], first[:, hands])
-    every = misfit.of(plain).jacobian(there)
+    every = misfit.of(misfit.hypothesis).jacobian(there)
     alike = {"rtol": 0.0, "atol": 0.03}  # single precision, other worlds beside
     assert np.abs(every[:, hands] - first[:, hands]).max() > 0.3
     np.testing.assert_allclose(second[:, ~hands], every[:, ~hands], **alike)
@@ -137,39 +148,23 @@ def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(shaken):
     np.testing.assert_allclose(last, every, **alike)
 
 
-def test_slopes_are_those_of_where_a_fit_ends(shaken):
-    still, twin = shaken
-    plain = Hypothesis(twin)
-    start = {name: quantity.start for name, quantity in plain.quantities.items()}
-    seen = moved(still, plain, {**start, "stiffness": 0.4 * start["stiffness"]})
-    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+def test_slopes_are_those_of_where_a_fit_ends(followed):
+    misfit, start = followed(stiffness=0.4)
     found = estimate(misfit, misfit.coordinates.vector(start)[None], steps=3, shortest=FRAMES)
     hands = np.array([name.startswith(HAND) for name in misfit.coordinates.names])
-    there = misfit.of(plain).jacobian(found.vector)
+    there = misfit.of(misfit.hypothesis).jacobian(found.vector)
     np.testing.assert_allclose(found.jacobian[:, hands], there[:, hands], rtol=0.0, atol=0.03)
 
 
-def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(shaken, monkeypatch):
+def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(followed, monkeypatch):
     monkeypatch.setattr("model.simulator.pace.LONGEST", 1.0)  # stability alone asks for substeps
-    still, twin = shaken
-    plain = Hypothesis(twin)
-    start = {name: quantity.start for name, quantity in plain.quantities.items()}
-    seen = moved(still, plain, start)
-    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 5e-4)
+    misfit, start = followed()
     soft = misfit.coordinates.vector(start)
-    stiff = misfit.coordinates.vector({**start, "stiffness": plain.quantities["stiffness"].bounds[1]})
+    stiff = misfit.coordinates.vector(
+        {**start, "stiffness": misfit.hypothesis.quantities["stiffness"].bounds[1]}
+    )
     assert misfit.needs(stiff) > misfit.needs(soft)
     few = misfit.giving_up(misfit.needs(soft))
     rows = few(np.stack([soft, stiff]))
     np.testing.assert_allclose(rows[:1], few(soft[None]))
     assert (rows[1] == misfit.observer.lost / misfit.noise).all()
-
-
-def test_coordinates_go_there_and_back():
-    coordinates = Coordinates({**StrainStiffening.quantities, **QuadraticAirDrag.quantities})
-    values = {"stiffening": 7.0, "drag_per_mass": 0.2}
-    assert coordinates.values(coordinates.vector(values)) == pytest.approx(values)
-    low, high = coordinates.bounds
-    beyond = coordinates.vector({"stiffening": 1e9, "drag_per_mass": 0.0})
-    assert beyond[0] == high[0]
-    assert beyond[1] == low[1]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from model.gap.effects import GravityTilt, QuadraticAirDrag
-from model.gap.estimate import Misfit, Span
 from model.gap.evidence import BLOCKS, UNSHARED, Column, gather
 from model.gap.heading import heading
+from model.gap.misfit import Misfit, Span
 from model.gap.observer import Observer
 from model.gap.probes import probes
 from model.gap.signs import SIGN_NAMES, signs_of

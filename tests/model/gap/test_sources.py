@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from model.gap.effects import ActuationDelay, StrainStiffening
-from model.gap.estimate import Estimate, Misfit
+from model.gap.estimate import Estimate
+from model.gap.misfit import Misfit
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.schema import SOURCE_NAMES, Closure

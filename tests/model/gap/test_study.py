@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.gap.estimate import FIRST_HORIZON, Span, estimate
+from model.gap.estimate import FIRST_HORIZON, estimate
+from model.gap.misfit import Span
 from model.gap.plain import HAND
 from model.gap.study import FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
