@@ -125,7 +125,12 @@ class Found:
         )
 
     def _warnings(self) -> tuple[str, ...]:
-        said = list(self.located.warnings)
+        said = [
+            f"a hand {away:.2g} m from what was seen of the object in the first frame is taken to hold "
+            "nothing: nothing that was seen goes with it"
+            for away in self.study.plain.twin.idle
+        ]
+        said += self.located.warnings
         chosen = self.tried.chosen
         if chosen is not None:
             effect = chosen.hypothesis.effects[0]

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from model.gap.bodies.body import Body
-from model.gap.bodies.grip import held_distance, held_places, holding
+from model.gap.bodies.grip import held_distance, held_places, holding, idle_hands
 from model.gap.bodies.hand import steadied
 from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
@@ -188,6 +188,16 @@ class PlainTwin:
     def hand_known(self) -> bool:
         """The hand is the one that it came with; else how it is held is a guess."""
         return self.matter.grip_distance is None
+
+    @property
+    def idle(self) -> list[float]:
+        """How far hands are in the first frame from a guessed body of which they hold nothing [m]."""
+        hands, body = self.observation.controllers[0].astype(np.float64), self.body
+        if self.given or not len(hands):
+            return []
+        away = cKDTree(body.points).query(hands)[0]
+        idle = idle_hands(hands, body.points[body.grip[:, 1]], SAME_HAND * body.grasp)
+        return [float(away[own].min()) for own in idle]
 
     @property
     def quantities(self) -> dict[str, Quantity]:

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.guess import Shape, guess_shape
-from model.gap.bodies.hidden import hidden_points
+from model.gap.bodies.hidden import hidden_points, hiding
 from model.gap.bodies.neighbours import pairs_within
 from model.gap.bodies.reached import bar, held_from_afar
 from model.gap.bodies.rest import rest_places
@@ -74,7 +74,7 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     if shape in (None, "solid") and held_from_afar(observation, places):
         return _reaching(seen, controllers, scale)
     shape = shape or guess_shape(places)
-    points, springs, spacing = _joined(shape, places, controllers, scale)
+    points, springs, spacing = _joined(shape, seen, observation, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
     return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
@@ -90,13 +90,14 @@ def _reaching(seen: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], s
 
 
 def _joined(
-    shape: Shape, places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float
+    shape: Shape, seen: Float64[Array, "N 3"], observation: Observation, scale: float
 ) -> tuple[Float64[Array, "P 3"], Int64[Array, "E 2"], float]:
     """Points, springs and spacing [m], with what a hand hides."""
     if shape == "rope":
-        return chain(places, controllers, scale)
-    points, spacing = (net if shape == "sheet" else lattice)(places, scale)
-    points = np.concatenate([points, hidden_points(points, controllers, shape, spacing)])
+        return chain(seen, observation, scale)
+    points, spacing = (net if shape == "sheet" else lattice)(seen[np.isfinite(seen[:, 0])], scale)
+    hands = observation.controllers[0, hiding(points, seen, observation, spacing)].astype(np.float64)
+    points = np.concatenate([points, hidden_points(points, hands, shape, spacing)])
     return points, pairs_within(points, REACH[shape] * spacing, least=LEAST), spacing
 
 

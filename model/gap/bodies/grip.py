@@ -58,6 +58,21 @@ def holding(
     return counted
 
 
+def idle_hands(
+    controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
+) -> list[Int64[Array, " c"]]:
+    """The controllers of each hand that holds none of the held points: another is nearer to all of them.
+
+    Args:
+        controllers: In the first frame [m].
+        points: Held points in the first frame [m].
+        apart: As of `held_places`.
+    """
+    hands = _hands(controllers, apart)
+    busy = set(hands[cKDTree(controllers).query(points)[1]].tolist()) if len(points) else set()
+    return [np.flatnonzero(hands == hand) for hand in np.unique(hands) if int(hand) not in busy]
+
+
 def held_distance(
     controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
 ) -> Float64[Array, " H"]:

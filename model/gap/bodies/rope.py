@@ -4,29 +4,30 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.cluster.hierarchy import fcluster, linkage
 
+from model.gap.bodies.leading import leads
 from model.gap.bodies.path import along
-from model.types import Array
+from model.types import Array, Observation
 
 SLICES = 26
 """Across a rope, whose means are its middle line."""
 ROPE_POINTS = 45
 """Along a rope, at least about: a rope of half as many that hangs swings otherwise."""
-HIDDEN = 0.15
-"""Share of its length at most that a hand hides at an end."""
+HIDDEN, LED = 0.15, 0.6
+"""Share of the length that is seen, at most, that a hand hides at an end; and one that is seen to lead it."""
 
 
 def chain(
-    places: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float
+    seen: Float64[Array, "N 3"], observation: Observation, scale: float
 ) -> tuple[Float64[Array, "P 3"], Int64[Array, "E 2"], float]:
     """Points along the middle line from end to end, with controllers at its ends; springs; spacing [m].
 
     Args:
-        places: Seen points [m].
-        controllers: In the first frame [m].
+        seen: Where the observed points are in the first frame [m]; NaN for those that are never seen.
+        observation: What they did, and what the controllers did.
         scale: Of the spacing.
     """
-    away, length = along(places)
-    line = _with_ends(_middle(places, away, length), controllers, length)
+    away, length = along(seen[np.isfinite(seen[:, 0])])
+    line = _with_ends(_middle(seen[np.isfinite(seen[:, 0])], away, length), seen, observation, length)
     steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
     arc = np.concatenate([[0.0], steps.cumsum()])
     wanted = scale * arc[-1] / ROPE_POINTS
@@ -63,28 +64,32 @@ def _direction(start: Float64[Array, "3"], end: Float64[Array, "3"]) -> Float64[
 
 
 def _with_ends(
-    line: Float64[Array, "n 3"], controllers: Float64[Array, "C 3"], length: float
+    line: Float64[Array, "n 3"], seen: Float64[Array, "N 3"], observation: Observation, length: float
 ) -> Float64[Array, "m 3"]:
     """Controllers beyond an end of the line, within reach, are part of it: hands hide what they hold."""
     usual = float(np.median(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    reach = max(3.0 * usual, HIDDEN * length)
-    left = list(_gathered(controllers, 1.5 * usual))
+    controllers = observation.controllers.astype(np.float64)
+    left = _gathered(controllers[0], 1.5 * usual)
     while left:
-        apart = np.linalg.norm(np.stack(left)[:, None] - line[[0, -1]][None], axis=-1)
+        places = np.stack([controllers[0, hand].mean(0) for hand in left])
+        apart = np.linalg.norm(places[:, None] - line[[0, -1]][None], axis=-1)
         which, end = (int(i) for i in np.unravel_index(int(apart.argmin()), apart.shape))
+        hand, place, gap = left.pop(which), places[which], float(apart[which, end])
         tip, inner = (line[0], line[1]) if end == 0 else (line[-1], line[-2])
-        found = left.pop(which)
-        beyond = float((found - tip) @ (tip - inner)) > 0
-        if apart[which, end] > reach:
+        if gap > LED * length:
             break
-        if 0.2 * usual < apart[which, end] and beyond:
-            line = np.concatenate([found[None], line] if end == 0 else [line, found[None]])
+        if gap > max(3.0 * usual, HIDDEN * length):
+            near = np.flatnonzero(np.linalg.norm(seen - tip, axis=1) <= 2.0 * usual)
+            if not leads(controllers[:, hand].mean(1), observation.points[:, near], gap):
+                continue
+        if 0.2 * usual < gap and float((place - tip) @ (tip - inner)) > 0:
+            line = np.concatenate([place[None], line] if end == 0 else [line, place[None]])
     return line
 
 
-def _gathered(places: Float64[Array, "C 3"], apart: float) -> Float64[Array, "h 3"]:
-    """The middles of places that are near each other."""
+def _gathered(places: Float64[Array, "C 3"], apart: float) -> list[Int64[Array, " k"]]:
+    """Which places are near each other."""
     if len(places) < 2:
-        return places
+        return [np.arange(len(places))] if len(places) else []
     groups = fcluster(linkage(places, "single"), apart, "distance")
-    return np.stack([places[groups == group].mean(0) for group in np.unique(groups)])
+    return [np.flatnonzero(groups == group) for group in np.unique(groups)]

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -91,3 +93,14 @@ def test_of_many_hands_none_is_taken_to_be_elsewhere():
     twin = PlainTwin.of(body_of(observation), observation)
     assert not [name for name in twin.quantities if name.startswith(HAND)]
     np.testing.assert_allclose(moved(twin)[0, :, 0], twin.controls[0, :, 0], atol=0.02)
+
+
+def test_a_hand_that_nothing_goes_with_holds_nothing_and_says_how_far_it_is():
+    """Within arm's reach of the end, and beyond it: but the end is held by another, and stays where it is."""
+    observation = chain(2)
+    far = np.array([0.85, 0.0, 1.0]) + 0.3 * np.sin(9.0 * observation.times)[:, None] * [0.0, 1.0, 0.0]
+    controllers = np.concatenate([observation.controllers, far[:, None].astype(np.float32)], axis=1)
+    watched = replace(observation, controllers=controllers)
+    twin = PlainTwin.of(body_of(watched), watched)
+    assert twin.idle == [pytest.approx(0.25, abs=0.01)]
+    assert not PlainTwin.of(body_of(observation), observation).idle

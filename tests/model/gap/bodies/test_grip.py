@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.grip import held_distance, held_places, holding
+from model.gap.bodies.grip import held_distance, held_places, holding, idle_hands
 
 APART = 0.05
 HAND = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.03, 0.0]])
@@ -81,3 +81,12 @@ def test_each_held_point_goes_with_the_nearest_hand():
     hands = np.concatenate([HAND, HAND + far])
     assert holding(hands, np.concatenate([HELD, HELD + far]), APART).tolist() == [0, 0, 0, 1, 1, 1]
     assert holding(hands, HELD + far, APART).tolist() == [0, 0, 0]
+
+
+def test_a_hand_that_holds_nothing_is_idle():
+    far = np.array([1.0, 0.0, 0.0])
+    hands = np.concatenate([HAND + far, HAND])
+    (idle,) = idle_hands(hands, HELD, APART)
+    np.testing.assert_array_equal(idle, [0, 1, 2])
+    assert not idle_hands(hands, np.concatenate([HELD, HELD + far]), APART)
+    assert [len(own) for own in idle_hands(hands, np.zeros((0, 3)), APART)] == [3, 3]
