@@ -136,7 +136,8 @@ def test_tables_of_the_predictor_are_of_the_one_that_ships():
     assert sections
     ships = MatPhysMethod().weights()
     weights = {
-        title: set(re.findall(r"`matphys(?:-open-loop)?` ([0-9a-f]{16})\b", body)) for title, body in sections
+        title: set(re.findall(r"`(?:matphys|full)(?:-open-loop)?` ([0-9a-f]{16})\b", body))
+        for title, body in sections
     }
     beside = {title: of for title, of in weights.items() if title.startswith("Ablations")}
     assert {title: of for title, of in weights.items() if title not in beside} == {
