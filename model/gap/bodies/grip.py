@@ -68,9 +68,8 @@ def idle_hands(
         points: Held points in the first frame [m].
         apart: As of `held_places`.
     """
-    hands = _hands(controllers, apart)
-    busy = set(hands[cKDTree(controllers).query(points)[1]].tolist()) if len(points) else set()
-    return [np.flatnonzero(hands == hand) for hand in np.unique(hands) if int(hand) not in busy]
+    hands, busy = _holding(controllers, points, apart)
+    return [np.flatnonzero(hands == hand) for hand in np.setdiff1d(hands, busy)]
 
 
 def held_distance(
@@ -87,7 +86,7 @@ def held_distance(
         apart: As of `held_places`.
     """
     distance, near = cKDTree(controllers).query(points)
-    hand = _hands(controllers, apart)[near]
+    hand = hands_of(controllers, apart)[near]
     least = np.full(int(hand.max(initial=0)) + 1, np.inf)
     np.minimum.at(least, hand, distance)
     farther: Float64[Array, " H"] = np.sqrt(distance**2 - least[hand] ** 2)
@@ -98,11 +97,12 @@ def _holding(
     controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
 ) -> tuple[Int64[Array, " C"], Int64[Array, " H"]]:
     """The hand that each controller belongs to, and the one that holds each point."""
-    hands = _hands(controllers, apart)
+    hands = hands_of(controllers, apart)
     return hands, hands[cKDTree(controllers).query(points)[1]]
 
 
-def _hands(places: Float64[Array, "C 3"], apart: float) -> Int64[Array, " C"]:
+def hands_of(places: Float64[Array, "C 3"], apart: float) -> Int64[Array, " C"]:
+    """Which hand each controller belongs to: those nearer than `apart` [m] to another of a hand are of it."""
     if len(places) < 2:
         return np.zeros(len(places), np.int64)
     labels: Int64[Array, " C"] = fcluster(linkage(places, "single"), apart, "distance").astype(np.int64)

@@ -55,19 +55,14 @@ def hidden_points(
     Args:
         points: Of the object, made from what was seen [m].
         controllers: In the first frame, those that hide something [m].
-        shape: Of the object.
+        shape: Of the object, a sheet or a solid: a rope goes on to its hand by itself.
         spacing: Of its points [m].
     """
     if not len(controllers):
         return np.zeros((0, 3))
     tree = cKDTree(points)
     gaps, beside = tree.query(controllers, k=min(AROUND, len(points)))
-    if shape == "sheet":
-        under = _onto_surface(controllers, points)
-    elif shape == "solid":
-        under = _inside(controllers, points)
-    else:
-        under = controllers
+    under = (_onto_surface if shape == "sheet" else _inside)(controllers, points)
     far = np.flatnonzero(gaps[:, 0] >= NEAR * spacing)
     under = np.concatenate([under, *(_between(under[i], points[beside[i]], spacing) for i in far)])
     new = under[tree.query(under)[0] > FREE * spacing]

@@ -2,8 +2,8 @@
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.cluster.hierarchy import fcluster, linkage
 
+from model.gap.bodies.grip import hands_of
 from model.gap.bodies.leading import leads
 from model.gap.bodies.path import along
 from model.types import Array, Observation
@@ -26,8 +26,9 @@ def chain(
         observation: What they did, and what the controllers did.
         scale: Of the spacing.
     """
-    away, length = along(seen[np.isfinite(seen[:, 0])])
-    line = _with_ends(_middle(seen[np.isfinite(seen[:, 0])], away, length), seen, observation, length)
+    places = seen[np.isfinite(seen[:, 0])]
+    away, length = along(places)
+    line = _with_ends(_middle(places, away, length), seen, observation, length)
     steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
     arc = np.concatenate([[0.0], steps.cumsum()])
     wanted = scale * arc[-1] / ROPE_POINTS
@@ -69,7 +70,8 @@ def _with_ends(
     """Controllers beyond an end of the line, within reach, are part of it: hands hide what they hold."""
     usual = float(np.median(np.linalg.norm(np.diff(line, axis=0), axis=1)))
     controllers = observation.controllers.astype(np.float64)
-    left = _gathered(controllers[0], 1.5 * usual)
+    hands = hands_of(controllers[0], 1.5 * usual)
+    left = [np.flatnonzero(hands == hand) for hand in np.unique(hands)]
     while left:
         places = np.stack([controllers[0, hand].mean(0) for hand in left])
         apart = np.linalg.norm(places[:, None] - line[[0, -1]][None], axis=-1)
@@ -85,11 +87,3 @@ def _with_ends(
         if 0.2 * usual < gap and float((place - tip) @ (tip - inner)) > 0:
             line = np.concatenate([place[None], line] if end == 0 else [line, place[None]])
     return line
-
-
-def _gathered(places: Float64[Array, "C 3"], apart: float) -> list[Int64[Array, " k"]]:
-    """Which places are near each other."""
-    if len(places) < 2:
-        return [np.arange(len(places))] if len(places) else []
-    groups = fcluster(linkage(places, "single"), apart, "distance")
-    return [np.flatnonzero(groups == group) for group in np.unique(groups)]
