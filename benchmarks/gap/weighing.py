@@ -3,12 +3,14 @@
     python -m benchmarks.gap.weighing gather out/worlds/clear --out out/told/clear
     python -m benchmarks.gap.weighing gather out/worlds/dev --out out/told/dev
     python -m benchmarks.gap.weighing train out/told/clear out/told/dev --out model/gap/weighing.json
+    python -m benchmarks.gap.weighing opened out/test out/test_checked --out out/told/test
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
-sealed labels are refused. What the folder holds is not done again. `train` fits twelve weights, and says how
-well they do on worlds that they have not seen: one at a time, all of one shape, or all with one effect; how
-well those do that ship; and what healthy twins leave, which a verdict takes for usual (`HEALTHY` in
-`model/gap/weighing.py`).
+sealed labels are refused. What the folder holds is not done again. `opened` takes test worlds as they come
+out of `matphys gap-benchmark out/test --out out/test_checked`, which diagnosed them sealed and then opened
+them. `train` fits twelve weights, and says how well they do on worlds that they have not seen: one at a time,
+all of one shape, with one effect, or by one generator; how well those do that ship; and what healthy twins
+leave, which a verdict takes for usual (`HEALTHY` in `model/gap/weighing.py`).
 """
 
 import argparse
@@ -27,8 +29,9 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from benchmarks.gap.development import done_by, open_labels_of
-from model.gap.account import MEANING, Account, Explained
-from model.gap.benchmark.predict import taken_of
+from model.gap.account import MEANING, Account
+from model.gap.benchmark.labels import Label, open_labels
+from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
 from model.gap.benchmark.scores import calibration_error
 from model.gap.classifier import NONE, UNKNOWN
 from model.gap.diagnose import diagnose
@@ -68,6 +71,9 @@ class Told:
 
     world: str
     group: str
+    """Folder of the worlds that it is of."""
+    generator: str
+    """What moved it."""
     right: tuple[VerdictName, ...]
     """Answers that are right; of a hand that is late by itself both its delay and none."""
     magnitude: float | None
@@ -89,24 +95,29 @@ class Told:
     def read(cls, path: Path) -> "Told":
         """What `gather` wrote."""
         content = json.loads(path.read_bytes())
-        account = content.pop("account")
         if content.pop("meaning", None) != MEANING:
             raise SystemExit(
                 f"{path}: gathered when accounts meant something else; remove it and gather again"
             )
-        explained, shared = (
-            {name: Explained(**each) for name, each in account[part].items()}
-            for part in ("explained", "shared")
-        )
-        astray, left = tuple(account["astray"]), tuple(account["left"])
-        known = Account(account["shape"], account["screened"], explained, shared, astray, left)
-        return cls(**content | {"right": tuple(content["right"]), "account": known})
+        known = {"right": tuple(content["right"]), "account": Account.of(content["account"])}
+        return cls(**content | known)
+
+    @classmethod
+    def of(cls, label: Label, group: str, account: Account) -> "Told":
+        """What a world was found to be, and what it is."""
+        right, generator = tuple(label["accepted"]), label["generator"]
+        return cls(label["world"], group, generator, right, label.get("magnitude"), account)
+
+    def write(self, folder: Path) -> str:
+        """Keep it; returns the name of the file."""
+        path = folder / f"{self.world}.json"
+        path.write_text(json.dumps({"meaning": MEANING} | asdict(self), indent=1))
+        return path.name
 
 
-def gathered(
-    world: str, folder: Path, right: tuple[VerdictName, ...], magnitude: float | None, out: Path
-) -> str:
+def gathered(label: Label, folder: Path, out: Path) -> str:
     """One world diagnosed, its account written down."""
+    world = label["world"]
     kept = out / f"{world}.json"
     if kept.is_file():
         return kept.name
@@ -114,9 +125,21 @@ def gathered(
     taken, transfer = taken_of(folder / f"{world}.npz")
     account = diagnose(taken.observation, transfer=transfer).account
     assert account is not None
-    told = Told(world, folder.name, right, magnitude, account)
-    kept.write_text(json.dumps({"meaning": MEANING} | asdict(told), indent=1))
-    return kept.name
+    return Told.of(label, folder.name, account).write(out)
+
+
+def opened(folder: Path, checked: Path, out: Path) -> int:
+    """Worlds of a test that was opened, as `matphys gap-benchmark` told of them in the folder `checked`.
+
+    Returns:
+        How many; others were refused or told when accounts meant something else.
+    """
+    labels = open_labels(folder, checked / PREDICTIONS)
+    accounts = [(label, read_account(checked, label["world"])) for label in labels]
+    known = [Told.of(label, folder.name, one) for label, one in accounts if one is not None]
+    for one in known:
+        one.write(out)
+    return len(known)
 
 
 def learned(worlds: Sequence[Told]) -> Weighing:
@@ -215,6 +238,7 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
         "one world at a time": lambda one: one.world,
         "a whole shape": lambda one: one.account.shape,
         "a whole effect": lambda one: one.right[0] if one.right[0] in EFFECT_NAMES else one.world,
+        "a whole generator": lambda one: one.generator,
     }
     header = ["left out", "given", *scores([(both[0], USUAL.judged(both[0].account))])]
     print(f"| {' | '.join(header)} |\n{'|---' * len(header)}|")
@@ -245,7 +269,7 @@ def _row(title: str, judged: Sequence[tuple[Told, Judged]]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Gather or train."""
+    """Gather, take over what was opened, or train."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -254,6 +278,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     gathering.add_argument("worlds", type=Path)
     gathering.add_argument("--out", type=Path, required=True)
     gathering.add_argument("--workers", type=int, default=2)
+    opening = commands.add_parser("opened", help="test worlds that a check has opened")
+    opening.add_argument("worlds", type=Path)
+    opening.add_argument("checked", type=Path, help="the --out of `matphys gap-benchmark`")
+    opening.add_argument("--out", type=Path, required=True)
     learning = commands.add_parser("train", help="the weights")
     learning.add_argument("folders", type=Path, nargs="+")
     learning.add_argument("--out", type=Path, help="without it, the tables alone")
@@ -264,19 +292,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             parser.error(f"nothing gathered in {', '.join(empty)}")
         learn(options.folders, options.out)
         return 0
-    labels = open_labels_of(options.worlds, parser, "weights are learned from")
     options.out.mkdir(parents=True, exist_ok=True)
-    jobs = [
-        partial(
-            gathered,
-            label["world"],
-            options.worlds,
-            tuple(label["accepted"]),
-            label.get("magnitude"),
-            options.out,
-        )
-        for label in labels
-    ]
+    if options.command == "opened":
+        print(f"wrote {opened(options.worlds, options.checked, options.out)} worlds to {options.out}")
+        return 0
+    labels = open_labels_of(options.worlds, parser, "weights are learned from")
+    jobs = [partial(gathered, label, options.worlds, options.out) for label in labels]
     done_by(options.workers, jobs)
     return 0
 

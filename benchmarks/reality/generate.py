@@ -32,7 +32,11 @@ from benchmarks.reality.sensor import Sensor, lagging, report
 from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
 
 GENERATORS = {"dev": "mujoco", "test": "fem"}
-MODULES = {"mujoco": "benchmarks.reality.lattice", "fem": "benchmarks.reality.fem"}
+MODULES = {
+    "mujoco": "benchmarks.reality.lattice",
+    "flex": "benchmarks.reality.flex",
+    "fem": "benchmarks.reality.fem",
+}
 TRIES, CHOOSY = 12, 3
 """Draws of a world; the first `CHOOSY` are thrown away where the effect is far from its target."""
 WITHIN = 1.6

@@ -35,7 +35,7 @@ def simulate(world: World) -> Motion:
     Raises:
         Runaway: it left the finite numbers, or would need too many steps.
     """
-    return _Run(world, lattice(world.shape, world.spacing, world.mesh_seed)).result()
+    return Run(world, lattice(world.shape, world.spacing, world.mesh_seed)).result()
 
 
 @cache
@@ -45,10 +45,11 @@ def _step() -> ctypes.c_void_p:
     return ctypes.cast(ctypes.CDLL(str(path)).mj_step, ctypes.c_void_p)
 
 
-class _Run(Laws):
+class Run(Laws):
     """One simulation: arrays and numbers for `particles.cpp`, changed by each effect in turn."""
 
     def __init__(self, world: World, net: Lattice) -> None:
+        """What moves, and what moves it; every effect in its turn."""
         self.world, self.net = world, net
         scene, material = world.scene, world.material
         self.start = net.nodes @ scene.turn.T + scene.shift
@@ -155,6 +156,13 @@ class _Run(Laws):
                 contype=1,
                 conaffinity=1,
             )
+        self.particles(spec, dt)
+        self.elastic(spec)
+        return spec.compile(), dt
+
+    def particles(self, spec: mujoco.MjSpec, dt: float) -> None:
+        """Add them: bodies that slide three ways, in contacts no stiffer than steps of `dt` [s] allow."""
+        material = self.world.material
         for k, place in enumerate(self.start):
             body = spec.worldbody.add_body(name=f"p{k}", pos=place)
             for axis in np.eye(3):
@@ -173,7 +181,9 @@ class _Run(Laws):
                 friction=[material.friction, 0, 0],
                 solref=[max(0.006, 2.2 * dt), max(1.0 - material.restitution, 0.3)],
             )
-        return spec.compile(), dt
+
+    def elastic(self, spec: mujoco.MjSpec) -> None:
+        """Add what MuJoCo itself holds together: of a lattice nothing, its springs are `particles.cpp`'s."""
 
     def _hands(self) -> None:
         nodes, anchors = [np.zeros(0, int)], []

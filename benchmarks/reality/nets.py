@@ -1,12 +1,15 @@
-"""Lattices of particles and springs for the MuJoCo generator."""
+"""Lattices of particles and springs for the MuJoCo generators, and the cells between the particles."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from benchmarks.reality.shapes import Shape
-from benchmarks.reality.world import Array
+from benchmarks.reality.world import Array, Kind
+
+FLAT = 0.1
+"""Least measure of a cell over that of a regular one with its longest edge: slivers dictate the time step."""
 
 
 @dataclass(frozen=True)
@@ -92,3 +95,25 @@ def _centred(shape: Shape, spacing: float, rng: np.random.Generator) -> Lattice:
     share = np.where(degree < 10, 0.6, 1.0) * step.prod() / 2
     area = np.where(degree < 10, side**2 / 1.5, 0.0)
     return Lattice(nodes, springs, unit, share, area, np.zeros((0, 3), int))
+
+
+def cells(lattice: Lattice, kind: Kind) -> tuple[Array, Array]:
+    """Triangles [c, 3] of a sheet or tetrahedra [c, 4] of a solid between the nodes, and their measures [c].
+
+    Those are left out that have an edge longer than the diagonal of a square, as across a notch, and slivers.
+    """
+    nodes = lattice.nodes
+    corners = Delaunay(nodes[:, :2] if kind == "sheet" else nodes).simplices
+    edges = nodes[corners[:, 1:]] - nodes[corners[:, :1]]
+    if kind == "sheet":
+        measure, regular, diagonal = np.linalg.det(edges[:, :, :2]) / 2, np.sqrt(3) / 4, 1.0
+    else:
+        measure, regular, diagonal = np.linalg.det(edges) / 6, np.sqrt(2) / 12, np.sqrt(2)
+    springs = np.linalg.norm(nodes[lattice.springs[:, 1]] - nodes[lattice.springs[:, 0]], axis=1)
+    longest = np.linalg.norm(nodes[corners[:, :, None]] - nodes[corners[:, None]], axis=3).max(axis=(1, 2))
+    thick = np.abs(measure) > FLAT * regular * longest ** edges.shape[1]
+    kept = thick & (longest < 1.01 * diagonal * springs.max())
+    corners, measure = corners[kept], measure[kept]
+    turned = measure < 0
+    corners[turned] = corners[turned][:, [1, 0, *range(2, corners.shape[1])]]
+    return corners, np.abs(measure)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -83,6 +84,16 @@ class Account:
     left: tuple[float, ...]
     """Mean square of what the plain twin leaves unexplained in each recording, its parameters fitted to it,
     over that of the noise, or of `FINEST` where the sensor is better."""
+
+    @classmethod
+    def of(cls, content: Mapping[str, Any]) -> "Account":
+        """From what `dataclasses.asdict` makes of one, through JSON."""
+        explained, shared = (
+            {name: Explained(**each) for name, each in content[part].items()}
+            for part in ("explained", "shared")
+        )
+        astray, left = tuple(content["astray"]), tuple(content["left"])
+        return cls(content["shape"], content["screened"], explained, shared, astray, left)
 
     @property
     def told(self) -> Mapping[EffectName, Explained]:

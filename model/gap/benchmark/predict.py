@@ -5,13 +5,14 @@ import json
 import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from model.crew import crew
 from model.errors import InputError
 from model.formats.files import replacing
+from model.gap.account import MEANING, Account
 from model.gap.diagnosis import Diagnosis
 from model.gap.schema import GapReport
 from model.gap.taken import Taken
@@ -121,6 +122,13 @@ def read_predictions(path: Path) -> dict[str, Prediction]:
     }
 
 
+def read_account(out: Path, world: str) -> Account | None:
+    """What the verdict on a world was made of, if `predict` wrote it, and as accounts are meant today."""
+    kept = out / DIAGNOSES / f"{world}.json"
+    content = json.loads(kept.read_bytes()) if kept.is_file() else {}
+    return Account.of(content["account"]) if content.get("meaning") == MEANING else None
+
+
 def digest(*paths: Path) -> str:
     """SHA-256 of files, one after the other."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
@@ -141,19 +149,23 @@ def _predict(job: _Job) -> Prediction:
     if known is not None:
         return known
     began = time.perf_counter()
-    report, refused, broke = None, "", False
+    report, account, refused, broke = None, None, "", False
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # doubts about an observation are in its report
             taken, transfer = taken_of(job.world)
             diagnosis = job.diagnose(taken.observation, transfer=transfer, progress=None)
-        report = taken.report(diagnosis.findings.report)
+        report, account = taken.report(diagnosis.findings.report), diagnosis.account
     except InputError as error:
         refused = str(error)
     except Exception as error:  # one world that breaks must not end the check, and counts as wrong
         refused, broke = f"{type(error).__name__}: {error}", True
     seconds = time.perf_counter() - began
-    _keep(job.kept, {"sha256": same, "seconds": seconds, **_plain(report, refused), "broke": broke})
+    _keep(
+        job.kept,
+        {"sha256": same, "seconds": seconds, **_plain(report, refused), "broke": broke}
+        | ({} if account is None else {"meaning": MEANING, "account": asdict(account)}),
+    )
     return Prediction(report, refused, seconds, broke)
 
 

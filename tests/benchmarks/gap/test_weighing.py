@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, unseen, usual
+from benchmarks.reality.labels import write_labels
+from model.errors import InputError
 from model.gap.account import MEANING, Account, Explained
 from model.gap.schema import EFFECT_NAMES
 
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
 
-def told(number, right, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0):
+def told(number, right, explained, astray=(0.01, 0.02), shape="rope", magnitude=3.0, generator="mujoco"):
     account = Account(shape, ALIKE, explained, explained, astray, (2.0, 2.0))
-    return Told(f"{number:03d}", "made", right, None if "none" in right else magnitude, account)
+    return Told(f"{number:03d}", "made", generator, right, None if "none" in right else magnitude, account)
 
 
 @pytest.fixture
@@ -139,7 +141,40 @@ def test_trained_by_one_command(worlds, tmp_path, capsys):
 
 
 def _alone(one):
-    return Told(one.world, one.group, one.right, one.magnitude, one.account.alone)
+    return Told(one.world, one.group, one.generator, one.right, one.magnitude, one.account.alone)
+
+
+def test_weights_are_judged_by_a_generator_that_they_have_not_seen(worlds, tmp_path, capsys):
+    """What one generator calls wind moves as damage does in the other: neither teaches the other a thing."""
+    other = {"wind": "damage", "damage": "wind"}
+    for one in worlds:
+        odd = int(one.world) % 2 == 1
+        right = tuple(other.get(name, name) for name in one.right) if odd else one.right
+        replace(one, generator="fem" if odd else "mujoco", right=right).write(tmp_path)
+    assert main(["train", str(tmp_path)]) == 0
+    rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines() if "a whole generator" in line]
+    assert [row[1:3] for row in rows] == [["one recording", "60"], ["two", "60"]]
+
+
+def test_worlds_of_a_test_are_taken_over_once_it_was_opened(worlds, tmp_path, capsys):
+    test, checked, out = tmp_path / "test", tmp_path / "checked", tmp_path / "told"
+    labels = [
+        {"world": one.world, "effects": [], "accepted": list(one.right), "generator": "fem"}
+        for one in worlds[:3]
+    ]
+    write_labels(test, labels, sealed=True)
+    kept = checked / "diagnoses"
+    kept.mkdir(parents=True)
+    for one, meaning in zip(worlds, (MEANING, MEANING - 1), strict=False):
+        content = {"meaning": meaning, "account": asdict(one.account)}
+        (kept / f"{one.world}.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match="sealed"):
+        main(["opened", str(test), str(checked), "--out", str(out)])
+    (checked / "predictions.json").write_text("{}")
+    assert main(["opened", str(test), str(checked), "--out", str(out)]) == 0
+    assert "wrote 1 worlds" in capsys.readouterr().out
+    (told_of,) = out.glob("*.json")
+    assert Told.read(told_of) == replace(worlds[0], group="test", generator="fem", magnitude=None)
 
 
 def test_sealed_labels_and_empty_folders_are_refused(tmp_path, capsys):

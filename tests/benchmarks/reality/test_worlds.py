@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.reality import fem, generate, lattice
+from benchmarks.reality import fem, flex, generate, lattice
 from benchmarks.reality.effects import ALL, CATALOGUE, OUTSIDE, draw
 from benchmarks.reality.hands import SCRIPTS, stage
 from benchmarks.reality.magnitude import Simulate, Yardstick, checked_gap, gap, measure, tune
@@ -51,7 +51,7 @@ def test_no_code_is_shared_with_what_is_judged():
 
 def test_not_even_the_labels_bring_in_what_is_judged():
     text = (
-        "import sys, benchmarks.reality.generate, benchmarks.reality.fem, benchmarks.reality.lattice;"
+        "import sys, benchmarks.reality.generate, benchmarks.reality.fem, benchmarks.reality.flex;"
         "print(*sorted(name for name in sys.modules if name.split('.')[0] == 'model'))"
     )
     done = subprocess.run([sys.executable, "-c", text], cwd=FOLDER.parents[1], capture_output=True, text=True)
@@ -64,7 +64,7 @@ def test_the_catalogue_is_that_of_the_contract():
     assert len(OUTSIDE) >= 4
     for name in ALL:
         assert hasattr(fem._Run, f"_{name}"), name
-        assert hasattr(lattice._Run, f"_{name}") or name in ("actuation_delay", "hand_torque"), name
+        assert hasattr(lattice.Run, f"_{name}") or name in ("actuation_delay", "hand_torque"), name
 
 
 @pytest.mark.parametrize("split", ["dev", "test"])
@@ -135,14 +135,15 @@ def test_each_of_two_effects_has_its_own_place(simulate: Simulate):
 @pytest.mark.parametrize(
     "name", ["tension_only", "volume_preservation", "anisotropy", "wind", "grip_slip", "magnet"]
 )
-def test_mujoco_has_the_effects_too(name: str):
+@pytest.mark.parametrize("simulate", [lattice.simulate, flex.simulate], ids=["springs", "flex"])
+def test_mujoco_has_the_effects_too(name: str, simulate: Simulate):
     kindred = ALL[name]
     script = next(s for s in kindred.excited_by if "solid" in SCRIPTS[s].kinds)
     world = small("solid", script, "dev", 0.5)
     effect = draw(
         name, world.shape, kindred.range[1] ** 0.6 * kindred.range[0] ** 0.4, np.random.default_rng(1)
     )
-    plain, changed = lattice.simulate(world).points, lattice.simulate(world.with_effects(effect)).points
+    plain, changed = simulate(world).points, simulate(world.with_effects(effect)).points
     assert np.abs(changed - plain).max() > 2e-4
 
 
