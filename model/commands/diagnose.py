@@ -68,6 +68,8 @@ def diagnose(
         if saved is not None and save_twin is not None:
             saved.save(save_twin)
             written.append(str(save_twin))
+    if save_twin is not None and not result.diagnosis.effects:
+        doubts.append(f"{save_twin} was not written: the verdict names no effect that a twin could carry")
     verdict = result.report.verdict
     if as_json:
         print_json(
@@ -81,7 +83,5 @@ def diagnose(
     elif not quiet:
         click.echo(verdict.statement)
         click.echo("\n".join(f"wrote {path}" for path in written))
-    if save_twin is not None and saved is None:
-        doubts.append(f"{save_twin} was not written: the verdict names no effect that a twin could carry")
     if not quiet:
         warn([*result.report.warnings, *doubts])

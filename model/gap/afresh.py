@@ -71,8 +71,8 @@ def _starts(
 
 
 def _followed(left: Float64[Array, " s"], strength: Float64[Array, " s"], count: int) -> Sequence[int]:
-    """Which to follow: the best of all, or the best of the faint and of the strong ones."""
+    """Which to follow: the best of all, or the best of the faint and of the strong ones, if any."""
     if count == 1:
         return [int(left.argmin())]
     faint = strength < np.median(STRENGTHS)
-    return [int(np.where(part, left, np.inf).argmin()) for part in (faint, ~faint)]
+    return [int(np.where(part, left, np.inf).argmin()) for part in (faint, ~faint) if part.any()]

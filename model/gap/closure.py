@@ -76,15 +76,18 @@ def transfer(
     with_effect: Fitted | None = None,
     flexible: Fitted | None = None,
 ) -> Closed:
-    """The same on another recording, to which nothing is fitted but the pose in its first frame.
+    """The same on another recording, to which nothing is fitted but how the body lies and is held there.
 
     Args:
         study: The twin as it came.
         other: The other recording.
         refitted: What the plain twin from `confirm.refit` foretells there.
-        with_effect: From `confirm.confirm`; None: the verdict has no effect.
+        with_effect: From `confirm.confirm`; None: the verdict has no effect. One that cannot act there, as
+            what the ground does cannot in the air, is told nothing of.
         flexible: From `ceiling.ceiling`; None: not determined.
     """
+    if with_effect is not None and not other.hypothesis(with_effect.hypothesis).effects:
+        with_effect = None
 
     def there(one: Fitted | None) -> Forecast | None:
         return None if one is None else other.forecast(one.hypothesis, one.estimate.values)

@@ -107,7 +107,9 @@ def _diagnosed(
     if other is not None and refitted is not None:
         there = closed_there(fitted, other, refitted, tried.chosen, flexible)
     here = closure(fitted, plain, tried.chosen, flexible)
-    found = Found(fitted, plain, tried, screened.signs, screened.evidence, locate(fitted), here, there)
+    found = Found(
+        fitted, plain, tried, screened.signs, screened.evidence, locate(fitted, plain.estimate), here, there
+    )
     tell("report", 0.97)
     return Diagnosis(found.findings(), found.records(), found.own_values(), tried.account)
 

@@ -74,8 +74,7 @@ class Found:
     def report(self) -> GapReport:
         """Contract 5."""
         tried, chosen = self.tried, self.tried.chosen
-        left = self.plain.estimate if chosen is None else chosen.estimate
-        effects = () if chosen is None else chosen.hypothesis.effects
+        left = chosen or self.plain
         count = self.study.observation.points.shape[1]
         return GapReport(
             schema=SCHEMA,
@@ -95,7 +94,7 @@ class Found:
                 phases=self.located.phases,
                 acts_on=(0.0,) * count if tried.acting is None else tuple(tried.acting.points.tolist()),
             ),
-            sources=sources(self.here.closure, self.study, left, effects),
+            sources=sources(self.here.closure, self.study, left.hypothesis, left.estimate),
             warnings=self._warnings(),
         )
 
@@ -125,19 +124,30 @@ class Found:
         )
 
     def _warnings(self) -> tuple[str, ...]:
+        chosen = self.tried.chosen
         said = [
             f"a hand {away:.2g} m from what was seen of the object in the first frame is taken to hold "
             "nothing: nothing that was seen goes with it"
             for away in self.study.plain.twin.idle
         ]
         said += self.located.warnings
-        chosen = self.tried.chosen
+        if self.there is not None and chosen is not None and self.there.with_effect is None:
+            said.append(
+                f"{chosen.hypothesis.effects[0].name} cannot act in the other interaction, which says "
+                "nothing of it"
+            )
         if chosen is not None:
             effect = chosen.hypothesis.effects[0]
             for name in alike(self.evidence, self.signs, effect.name):
                 motion = effect.confused_with.get(name)
                 tail = f": {motion} to tell them apart" if motion else ""
                 said.append(f"this recording cannot tell {effect.name} from {name}{tail}")
+            acting, where = self.tried.acting, chosen.hypothesis.where
+            if acting is not None and acting.local and where is None:
+                said.append(
+                    "where it acts (`where.acts_on`) is told by a linear test: fitted there alone it leaves "
+                    "no less, so its strength, and a saved twin, are of it acting everywhere"
+                )
             for quantity in chosen.at_bound:
                 said.append(
                     f"the fit drove {quantity} to its bound: take its value for a direction, not a number"

@@ -10,6 +10,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from model.bundle import TwinBundle
+from model.errors import InputError
 from model.formats.parameters import gravity, ground_height, scalar
 from model.gap.bodies.body import Body, grip_of
 from model.gap.bodies.guess import guess_shape
@@ -17,6 +18,7 @@ from model.gap.bodies.rest import rest_places
 from model.gap.graph import Graph
 from model.gap.plain import Matter, PlainTwin
 from model.gap.registration import onto_twin
+from model.observation_doubts import hangs
 from model.schema import EffectRecord
 from model.types import Array, Observation
 
@@ -46,7 +48,8 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
         most: Points; a finer twin is made coarser, and a warning says so.
 
     Raises:
-        InputError: the first frame of the observation is not the object of the twin.
+        InputError: the first frame of the observation is not the object of the twin, or its hand is too far
+            from the twin to hold any of it, and yet the object does not fall.
     """
     fine = Graph.of(bundle)
     observation = onto_twin(observation, fine.points, fine.spacing)
@@ -64,7 +67,9 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
         matter = _held(_matter(graph, bundle, Matter.guessed(body, observation)), graph)
         twin = PlainTwin.of(body, observation, matter)
         return replace(twin, carried=carried)
-    near = grip_of(body.points, observation.controllers[0].astype(np.float64), body.spacing)
+    near = grip_of(body.points, observation.controllers[0].astype(np.float64), body.grasp)
+    if not len(near):
+        _let_go(body, observation)
     hand = PlainTwin.of(replace(body, grip=near), observation)
     twin = PlainTwin.of(hand.body, observation, _matter(graph, bundle, hand.matter))
     return replace(twin, controls=hand.controls, carried=carried)
@@ -150,6 +155,18 @@ def _same_hand(graph: Graph, observation: Observation) -> bool:
     if not len(graph.grip) or hand.shape != own.shape:
         return False
     return bool(np.linalg.norm(hand - own, axis=1).max() <= SAME_HAND * graph.spacing)
+
+
+def _let_go(body: Body, observation: Observation) -> None:
+    """Say of hands that they are too far from a body to hold any of it."""
+    hands = observation.controllers[0].astype(np.float64)
+    if not len(hands):
+        return
+    away = float(cKDTree(body.points).query(hands)[0].min())
+    far = f"controllers: the nearest is {away:.2g} m from the twin in the first frame and holds none of it"
+    if hangs(replace(observation, controllers=observation.controllers[:, :0])):
+        raise InputError(f"{far}, and yet the object does not fall: expected them where it is held")
+    warnings.warn(f"{far}: it moves as if there was no hand", stacklevel=3)
 
 
 def _compare_places(bundle: TwinBundle, observation: Observation) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import Float64, Int64
 
 from model.gap.bodies.first import first_places
 from model.gap.coherence import Coherence, carried_noise, discoveries
+from model.gap.estimate import Estimate
 from model.gap.phases import Phase, phases
 from model.gap.regions import parts_of
 from model.gap.schema import PartShare, PhaseShare
@@ -29,7 +30,7 @@ class Located:
     warnings: tuple[str, ...]
 
 
-def locate(study: Study) -> Located:
+def locate(study: Study, left: Estimate) -> Located:
     """Where a fitted plain twin, led by an observer, predicts worse than noise explains, in all frames.
 
     The gap of a point in a frame is the square of its innovation less the noise, taken as the product with
@@ -38,10 +39,11 @@ def locate(study: Study) -> Located:
     is located: all shares are even, and a warning says so.
 
     Args:
-        study: The plain twin, fitted.
+        study: What was seen, and its observer.
+        left: What leaves the gap: the fit, or the refit, of the plain twin.
     """
     observation, body = study.observation, study.plain.twin.body
-    innovations, lost = _innovations(study)
+    innovations, lost = _innovations(study, left)
     seen = np.isfinite(observation.points[..., 0])
     seen[0] = False
     seen[len(innovations) :] = False
@@ -74,16 +76,16 @@ def locate(study: Study) -> Located:
     )
 
 
-def _innovations(study: Study) -> tuple[Float64[Array, "F N 3"], str]:
+def _innovations(study: Study, left: Estimate) -> tuple[Float64[Array, "F N 3"], str]:
     """Innovations over noise of the fitted twin in all frames, or in those it was fitted to."""
-    world = study.plain.at(study.base.values)
+    world = study.plain.at(left.values)
     observer = study.observer
     try:
         with torch.no_grad():
             predicted = observer.lead(world).predicted
     except SimulationDiverged:
         lost = "the fitted twin becomes unstable: the gap is located in the frames it was fitted to only"
-        return study.residuals(study.base), lost
+        return study.residuals(left), lost
     error = (observer.places - predicted).double().numpy()
     error = observer.lost * np.tanh(error / observer.lost) * observer.seen.numpy()[..., None]
     return error / study.misfit.noise, ""

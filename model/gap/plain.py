@@ -153,6 +153,8 @@ class PlainTwin:
     """Which hand each of these goes with; None: they are those that the twin came with."""
     carried: tuple[EffectRecord, ...] = ()
     """Effects that a given twin has already."""
+    along: Body | None = None
+    """Along whose axes stiffness varies, as of a coarser twin that was fitted; None: the body's own."""
 
     @classmethod
     def of(cls, body: Body, observation: Observation, matter: Matter | None = None) -> "PlainTwin":
@@ -310,16 +312,17 @@ class PlainTwin:
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""
-        middle = self.body.points[self.body.springs].mean(1)
-        middle = middle - self.body.points.mean(0)
-        axes = np.linalg.svd(self.body.points - self.body.points.mean(0), full_matrices=False)[2]
+        like = self.along or self.body
+        centre = like.points.mean(0)
+        # signs of these axes are arbitrary, and those of a square are: they go by the very points
+        axes = np.linalg.svd(like.points - centre, full_matrices=False)[2]
+        middle = self.body.points[self.body.springs].mean(1) - centre
+        ends = like.points[like.springs].mean(1) - centre
         exponent = torch.zeros(len(middle), dtype=torch.float64)
         for mode in range(MODES[self.body.shape]):
             if f"gradient_{mode + 1}" in values:
-                along = middle @ axes[mode]
-                exponent = exponent + values[f"gradient_{mode + 1}"] * torch.from_numpy(
-                    along / np.abs(along).max()
-                )
+                along = middle @ axes[mode] / np.abs(ends @ axes[mode]).max()
+                exponent = exponent + values[f"gradient_{mode + 1}"] * torch.from_numpy(along)
         return torch.exp(exponent)
 
 

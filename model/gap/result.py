@@ -52,6 +52,6 @@ class DiagnosisResult:
         made = with_findings(self.bundle, self.observation, self.diagnosis)
         why = cannot_act(made)
         if why is not None:
-            warnings.warn(f"what was found cannot be written into the twin: {why}", stacklevel=2)
+            warnings.warn(f"no twin was written: what was found cannot act in it: {why}", stacklevel=2)
             return None
         return made

@@ -282,12 +282,14 @@ class GapReport(Record):
     def remainder(self) -> float:
         """Probability that is left beside the verdict and the effects.
 
-        It belongs to `none` and `unknown`, or to the one of them that is not the verdict.
+        It belongs to `none` and `unknown`, or to the one of them that is not the verdict. Two effects that
+        are at work together may each be probable: what they have more than 1 in sum they share.
         """
         claimed = math.fsum(effect.probability for effect in self.effects)
-        if self.verdict.second is not None:
-            claimed -= self.finding(self.verdict.second).probability
-        return 1.0 - claimed - (self.verdict.probability if self.named is None else 0.0)
+        left = 1.0 - claimed - (self.verdict.probability if self.named is None else 0.0)
+        if self.verdict.second is None or left >= 0.0:
+            return left
+        return min(left + self.finding(self.verdict.second).probability, 0.0)
 
 
 def _without(values: dict[str, Any], key: str) -> dict[str, Any]:

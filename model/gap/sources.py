@@ -1,6 +1,6 @@
 """What the gap of a twin as it came is made of: camera, hand, parameters, missing physics, and the rest."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from model.gap.bodies.first import first_places
 from model.gap.effects.actuation_delay import ActuationDelay
-from model.gap.effects.base import Effect, Quantity
+from model.gap.effects.base import Quantity
 from model.gap.estimate import LOOSE, Estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit
@@ -28,7 +28,7 @@ SCALE, DRIFT = 0.02, 0.01
 """Usual sizes of what a camera errs by: of the way of the whole object, [m] by the last frame."""
 
 
-def sources(closure: Closure, study: Study, left: Estimate, effects: Sequence[Effect] = ()) -> Sources:
+def sources(closure: Closure, study: Study, hypothesis: Hypothesis, left: Estimate) -> Sources:
     """Shares of the squared gap of the twin as it came, on held-out time.
 
     With E the errors of `closure`, each no larger than the one before:
@@ -47,8 +47,8 @@ def sources(closure: Closure, study: Study, left: Estimate, effects: Sequence[Ef
     Args:
         closure: Errors on held-out time.
         study: The plain twin, fitted.
-        left: What leaves the rest: the fit with the verdict's effects, or of the plain twin.
-        effects: The verdict's, the first one first; empty: it has none.
+        hypothesis: With the verdict's effects, the first one first, where they act; or the plain twin.
+        left: What leaves the rest: its fit.
     """
     refit = min(closure.refit, closure.baseline)
     with_effect = refit if closure.with_effect is None else min(closure.with_effect, refit)
@@ -58,8 +58,8 @@ def sources(closure: Closure, study: Study, left: Estimate, effects: Sequence[Ef
         return Sources(perception=1.0, actuation=0.0, parameters=0.0, physics=0.0, unexplained=0.0)
     named = (refit**2 - with_effect**2) / whole
     rest = (with_effect**2 - floor**2) / whole
-    seen, moved = _explained(study, left, effects) if rest > 0 else (0.0, 0.0)
-    by_hand = bool(effects) and effects[0].acts == "hand"
+    seen, moved = _explained(study, hypothesis, left) if rest > 0 else (0.0, 0.0)
+    by_hand = bool(hypothesis.effects) and hypothesis.effects[0].acts == "hand"
     found = {
         "perception": floor**2 / whole + seen * rest,
         "actuation": moved * rest + (named if by_hand else 0.0),
@@ -103,9 +103,8 @@ class Misled(Hypothesis):
         return replace(world, controls=moved)
 
 
-def _explained(study: Study, left: Estimate, effects: Sequence[Effect]) -> tuple[float, float]:
+def _explained(study: Study, hypothesis: Hypothesis, left: Estimate) -> tuple[float, float]:
     """Shares, of what is left above the noise, that errors of the camera and of the hand explain."""
-    hypothesis = replace(study.plain, effects=tuple(effects))
     at = Misfit(hypothesis, study.observer, study.misfit.span, study.misfit.noise)
     residuals = at(left.vector[None])[0]
     camera = _camera_ways(study, hypothesis, left, residuals)

@@ -109,7 +109,9 @@ def with_findings(
     place = _there(bundle.parameters, fine.observation)
     twin = replace(bundle, effects=(*kept, *found), parameters=place, preview=None)
     if diagnosis.fitted is not None:
-        mechanics = Mechanics.of(_world(replace(fine, carried=()), diagnosis.fitted, coarse))
+        mechanics = Mechanics.of(
+            _world(replace(fine, carried=(), along=coarse.body), diagnosis.fitted, coarse)
+        )
         same_hand = np.array_equal(fine.body.grip, bundle.topology.controller_springs)
         twin = _refitted(twin, mechanics, same_hand)
     return replace(twin, manifest=_signed(bundle.manifest, bundle.manifest.id, twin))

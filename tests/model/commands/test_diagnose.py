@@ -122,6 +122,14 @@ def test_a_verdict_without_an_effect_writes_no_twin(run, diagnosis, file, tmp_pa
     assert not (tmp_path / "x.twin.zip").exists()
 
 
+def test_what_was_not_written_is_said_in_json_too(run, diagnosis, file, tmp_path):
+    diagnosis.effect, diagnosis.effects = "none", ()
+    arguments = ("--out", tmp_path / "gap", "--save-twin", tmp_path / "x.twin.zip", "--json", "--quiet")
+    code, out, _ = run(file, *arguments)
+    assert code == 0
+    assert any("x.twin.zip was not written" in line for line in json.loads(out)["warnings"])
+
+
 def test_a_second_interaction_is_passed_on(run, diagnosis, file, seen, tmp_path):
     slower = replace(seen, times=2 * seen.times, points=seen.points + np.float32(1e-3))
     write_observation(tmp_path / "other.npz", slower)

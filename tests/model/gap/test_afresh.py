@@ -100,3 +100,8 @@ def test_of_two_one_is_faint_and_one_strong():
     left, strength = np.array([3.0, 1.0, 2.0, 5.0]), np.array([0.25, 0.25, 4.0, 16.0])
     assert _followed(left, strength, 2) == [1, 2]
     assert _followed(left, strength, 1) == [1]
+
+
+def test_where_no_strong_effect_can_be_afforded_none_is_followed():
+    left, strength = np.array([9.0, 3.0, 1.0, 2.0]), np.array([0.25, 1.0, 0.25, 1.0])
+    assert _followed(left, strength, 2) == [2]

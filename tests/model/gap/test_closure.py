@@ -7,7 +7,7 @@ import pytest
 
 from model.gap.closure import MEAN_DISTANCE, closure, transfer
 from model.gap.confirm import Fitted
-from model.gap.effects import QuadraticAirDrag
+from model.gap.effects import QuadraticAirDrag, StaticFriction
 from model.gap.forecast import forecast
 from model.gap.transfer import transferred
 
@@ -65,6 +65,16 @@ def test_without_a_gap_there_is_no_fraction(dragged, both):
     figures = closure(noisier, true, true).closure
     assert figures.closed_fraction is None
     assert figures.closed_fraction_ci95 is None
+
+
+def test_what_cannot_act_in_another_recording_is_told_nothing_of(dragged, both):
+    plain, true = both
+    elsewhere = transferred(dragged, dragged.observation)
+    there = elsewhere.forecast(plain.hypothesis, plain.estimate.values)
+    grounded = dragged.misfit.of(replace(true.hypothesis, effects=(StaticFriction(),)))
+    found = transfer(dragged, elsewhere, there, replace(true, misfit=grounded)).closure
+    assert (found.with_effect, found.closed_fraction) == (None, None)
+    assert found.refit == transfer(dragged, elsewhere, there).closure.refit
 
 
 def test_it_closes_on_another_recording_too(dragged, both, studied, hung):

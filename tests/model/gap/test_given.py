@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from model.bundle import TwinBundle
+from model.errors import InputError
 from model.gap.bodies.body import body_of
 from model.gap.carried import record_of
 from model.gap.effects import QuadraticAirDrag
@@ -84,6 +85,25 @@ def test_a_hand_that_is_not_seen_holds_nothing(twin):
     plain = given_twin(twin, nobody)
     assert len(plain.body.grip) == 0
     assert "grip" not in plain.quantities
+
+
+def test_a_hand_that_is_too_far_away_is_not_passed_over(twin):
+    """It holds nothing: what does not fall all the same is refused, and of what lies it is a doubt."""
+    seen = filmed(twin)
+    times = np.arange(12) / 30
+    still = np.repeat(seen.points[:1], 12, axis=0)
+    away = np.repeat(still[:1].max(1, keepdims=True) + np.float32(0.4), 12, axis=0)
+    lies = replace(
+        seen, times=times, points=still, controllers=away, ground_height=float(still[..., 2].min())
+    )
+    with (
+        pytest.warns(UserWarning, match="the observation has a ground, the twin none"),
+        pytest.warns(UserWarning, match=r"the nearest is 0\.\d+ m .* it moves as if there was no hand"),
+    ):
+        plain = given_twin(twin, lies)
+    assert len(plain.body.grip) == 0
+    with pytest.raises(InputError, match="holds none of it, and yet the object does not fall"):
+        given_twin(twin, replace(lies, ground_height=None))
 
 
 def test_the_observation_says_where_the_ground_is(twin):

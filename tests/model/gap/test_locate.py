@@ -27,7 +27,7 @@ def halved(hung, studied):
 
 
 def test_shares_make_a_report(halved):
-    found = locate(halved)
+    found = locate(halved, halved.base)
     frames, points = halved.observation.points.shape[:2]
     where = Where(
         points=tuple(found.points),
@@ -42,7 +42,7 @@ def test_shares_make_a_report(halved):
 
 
 def test_it_is_where_it_was_put(halved):
-    found = locate(halved)
+    found = locate(halved, halved.base)
     on_left = halved.observation.points[0, :, 0] < 0.12
     assert found.points[on_left].mean() > 1.2 * found.points[~on_left].mean()
     assert found.chance < 0.01
@@ -50,7 +50,8 @@ def test_it_is_where_it_was_put(halved):
 
 
 def test_without_a_gap_it_is_nowhere(hung, studied):
-    found = locate(studied(hung))
+    study = studied(hung)
+    found = locate(study, study.base)
     assert found.chance > 0.05
     assert "p = " in found.warnings[0]
     np.testing.assert_allclose(found.points, 1 / len(found.points))
@@ -59,7 +60,7 @@ def test_without_a_gap_it_is_nowhere(hung, studied):
 
 def test_parts_are_those_that_are_labelled(halved):
     labels = np.where(halved.observation.points[0, :, 0] < 0.12, 7, 3)
-    found = locate(replace(halved, observation=replace(halved.observation, parts=labels)))
+    found = locate(replace(halved, observation=replace(halved.observation, parts=labels)), halved.base)
     assert [part.part for part in found.parts] == [3, 7]
     assert found.parts[1].share > found.parts[0].share
 
@@ -73,7 +74,7 @@ def test_frames_that_no_fit_sees_count(hung, studied):
     places = study.observer.places.clone()
     places[32:, :, 0] += 0.02
     study.observer.places = places
-    found = locate(replace(study, observation=late))
+    found = locate(replace(study, observation=late), study.base)
     assert found.frames[32:].sum() > 0.9
     assert found.phases[-1].share > 0.5
 
@@ -90,7 +91,8 @@ def test_turned_about_and_shuffled_it_is_the_same(hung, studied, study_of):
     study = studied(hung, (Viscoelasticity(),), {"viscoelasticity.branch": 5.0}, noise=1e-6)
     still = other(hung)
     twin = PlainTwin.of(body_of(still), still)
-    found, again = locate(study), locate(study_of(other(study.observation), twin, study.start, 1e-6))
+    turned = study_of(other(study.observation), twin, study.start, 1e-6)
+    found, again = locate(study, study.base), locate(turned, turned.base)
     # a sheet that swings freely tells one rounding error from another after a second
     assert 0.5 * np.abs(again.points - found.points[order]).sum() < 0.03
     assert 0.5 * np.abs(again.frames - found.frames).sum() < 0.03

@@ -139,6 +139,19 @@ def test_two_effects_may_both_be_probable():
     assert read(values).verdict.second == values["effects"][1]["name"]
 
 
+def test_a_second_effect_has_its_chance_once():
+    """The verdict 0.6, its second 0.3, all others 0.03: less than a tenth is left for nothing, or unknown."""
+    values = content()
+    values["verdict"]["probability"] = values["effects"][0]["probability"] = 0.6
+    values["effects"][1]["probability"] = 0.3
+    for other in values["effects"][2:]:
+        other["probability"] = 0.002
+    values["verdict"]["second"] = values["effects"][1]["name"]
+    assert read(values).remainder == pytest.approx(0.07)
+    values["verdict"]["probability"] = values["effects"][0]["probability"] = 0.9
+    assert read(values).remainder == 0.0
+
+
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [

@@ -28,7 +28,7 @@ def misseen(study, points):
 
 def test_they_are_squares_that_sum_to_one(hung, studied):
     study = studied(hung)
-    found = sources(GAP, study, study.base)
+    found = sources(GAP, study, study.plain, study.base)
     assert found.parameters == pytest.approx(0.75)
     assert found.physics == pytest.approx((100 - 36) / 400)
     assert sum(getattr(found, name) for name in SOURCE_NAMES) == pytest.approx(1.0)
@@ -40,7 +40,7 @@ def test_they_are_squares_that_sum_to_one(hung, studied):
 def test_an_effect_of_the_hand_is_actuation(hung, studied, fitted):
     study = studied(hung)
     left = fitted(study, ActuationDelay(), {"actuation_delay.delay": 0.0})
-    found = sources(GAP, study, left, (ActuationDelay(),))
+    found = sources(GAP, study, replace(study.plain, effects=(ActuationDelay(),)), left)
     assert found.physics == 0.0
     assert found.actuation >= (100 - 36) / 400
 
@@ -55,9 +55,9 @@ def test_two_effects_are_what_was_fitted_and_the_first_says_whose_they_are(hung,
     left = Estimate(
         misfit.coordinates.values(vector), vector, misfit(vector[None])[0], misfit.jacobian(vector), 0
     )
-    found = sources(GAP, study, left, both)
+    found = sources(GAP, study, misfit.hypothesis, left)
     assert found.physics == pytest.approx((100 - 36) / 400)
-    assert sources(GAP, study, left, both[::-1]).physics == 0.0
+    assert sources(GAP, study, replace(study.plain, effects=both[::-1]), left).physics == 0.0
 
 
 def test_a_late_hand_is_actuation(hung, studied):
@@ -70,14 +70,14 @@ def test_a_late_hand_is_actuation(hung, studied):
     base = replace(study.base, residuals=misfit(vector[None])[0], jacobian=misfit.jacobian(vector))
     deceived = replace(study, observation=told, plain=plain, misfit=misfit, base=base)
     without = GAP.model_copy(update={"with_effect": None})
-    found = sources(without, deceived, base)
+    found = sources(without, deceived, deceived.plain, base)
     assert found.actuation > 0.5 * (100 - 4) / 400 > found.perception
 
 
 def test_a_drift_of_the_camera_is_perception(hung, studied):
     study = studied(hung)
     drift = np.linspace(0, 0.03, len(hung.times))[:, None, None] * np.array([0.0, 1.0, 0.0])
-    found = sources(GAP, *(lambda s: (s, s.base))(misseen(study, study.observation.points + drift)))
+    found = sources(GAP, *(lambda s: (s, s.plain, s.base))(misseen(study, study.observation.points + drift)))
     assert found.perception > 0.5 * 36 / 400 > found.actuation
 
 
@@ -86,7 +86,7 @@ def test_missing_physics_is_neither(pulled, studied):
     study = studied(
         pulled, (StrainStiffening(),), {"strain_stiffening.stiffening": 30.0}, (places[:, 0] < 0.15).double()
     )
-    found = sources(GAP, study, study.base)
+    found = sources(GAP, study, study.plain, study.base)
     assert found.unexplained > 0.5 * 32 / 400
 
 
