@@ -1,9 +1,9 @@
 """Turn every real clip into a twin, as a user would, and print what it cost and how well it fits.
 
-    python benchmarks/twins/run.py [CLIP ...] [--out DIR] [--repeat]
+    python benchmarks/twins/run.py [CLIP ...] [--out DIR] [--repeat] [--predictor NAME]
 
-Each clip is one `matphys twin` process without any option. Peak memory is the process's own maximum
-resident set. `--repeat` runs each clip twice and compares the bundles' bytes.
+Each clip is one `matphys twin` process without any option but the predictor. Peak memory is the process's own
+maximum resident set. `--repeat` runs each clip twice and compares the bundles' bytes.
 """
 
 import argparse
@@ -28,10 +28,11 @@ def data_folder() -> Path:
     return folder
 
 
-def run_clip(clip: Path, bundle: Path, preview: Path | None) -> dict:
+def run_clip(clip: Path, bundle: Path, preview: Path | None, predictor: str) -> dict:
     """Run `matphys twin` on one clip; return its JSON result with wall seconds and peak GiB added."""
     matphys = Path(sys.executable).parent / "matphys"
     command = [str(matphys), "twin", str(clip), "--out", str(bundle), "--json", "--quiet"]
+    command += ["--predictor", predictor]
     if preview is not None:
         command += ["--preview", str(preview)]
     started = time.perf_counter()
@@ -64,6 +65,7 @@ def main() -> None:
     parser.add_argument("clips", nargs="*", help="names without .mp4; default: all")
     parser.add_argument("--out", type=Path, default=Path("out/twins"))
     parser.add_argument("--repeat", action="store_true")
+    parser.add_argument("--predictor", default="matphys", help="as of `matphys twin`")
     arguments = parser.parse_args()
     wanted = set(arguments.clips)
     clips = [clip for clip in sorted(data_folder().glob("*.mp4")) if not wanted or clip.stem in wanted]
@@ -75,11 +77,13 @@ def main() -> None:
     print("|---" * len(columns) + "|")
     for clip in clips:
         bundle = arguments.out / f"{clip.stem}.twin.zip"
-        result = results[clip.stem] = run_clip(clip, bundle, arguments.out / f"{clip.stem}.preview.mp4")
+        result = results[clip.stem] = run_clip(
+            clip, bundle, arguments.out / f"{clip.stem}.preview.mp4", arguments.predictor
+        )
         same = "–"
         if arguments.repeat:
             again = arguments.out / f"{clip.stem}.again.twin.zip"
-            run_clip(clip, again, None)
+            run_clip(clip, again, None, arguments.predictor)
             same = "yes" if member_hashes(bundle) == member_hashes(again) else "NO"
             again.unlink()
         m = result["metrics"]

@@ -14,6 +14,7 @@ from model.pipeline.methods import Methods
 from model.pipeline.options import TwinOptions, fingerprint
 from model.pipeline.sight import Sight
 from model.predictor import ParameterPredictor, PriorMeanPredictor
+from model.predictor.named import FILE
 from model.skinning import bind
 from model.stage_log import StageLog, Step
 from model.timing import evenly_timed
@@ -63,8 +64,9 @@ def mechanise(
             topology, matter.priors, sight.shape_class, calibration.gravity, calibration.ground_height
         ),
     )
+    weights = predictor.weights if options.predictor.endswith(FILE) else None
     bundle = TwinBundle(
-        manifest=write_manifest(frames, masks.keyframe, calibration, fingerprint(options)),
+        manifest=write_manifest(frames, masks.keyframe, calibration, fingerprint(options, weights)),
         gaussians=sight.gaussians,
         topology=topology,
         parameters=first,

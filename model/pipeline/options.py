@@ -37,8 +37,13 @@ class TwinOptions:
     seed: int = 0
 
 
-def fingerprint(options: TwinOptions) -> dict[str, JsonValue]:
-    """The options as JSON, files by their content: what makes one twin another."""
+def fingerprint(options: TwinOptions, weights: str | None = None) -> dict[str, JsonValue]:
+    """The options as JSON, files by their content: what makes one twin another.
+
+    Args:
+        options: What was chosen.
+        weights: sha256 of the predictor's, where it is a file; None: it is known by its name.
+    """
 
     def plain(value: object) -> JsonValue:
         if isinstance(value, Path):
@@ -49,4 +54,5 @@ def fingerprint(options: TwinOptions) -> dict[str, JsonValue]:
         assert value is None or isinstance(value, str | int | float)
         return value
 
-    return {name: plain(value) for name, value in asdict(options).items()}
+    named = {name: plain(value) for name, value in asdict(options).items()}
+    return named if weights is None else named | {"predictor": weights}

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import pickle
 import shutil
 import sys
 import traceback
@@ -19,7 +20,7 @@ from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 
 from model.errors import InputError
-from model.formats.files import replacing
+from model.formats.files import check_writable, replacing
 from model.predictor.calibration import calibrate
 from model.predictor.checkpoint import About, save_predictor
 from model.predictor.datamodule import CaseDataModule
@@ -39,6 +40,11 @@ PARALLEL = "ddp_find_unused_parameters_true"
 unless it is told."""
 LOST = "Connection closed by peer"
 """What a process of several reads when another one has ended."""
+OTHER_NETWORK = "Error(s) in loading state_dict"
+"""What torch says first of weights whose shapes are others."""
+NO_UNION = "Does not validate against any of the Union subtypes"
+"""What jsonargparse says first where an object could not be made."""
+PREDICTOR = ".safetensors"
 QUIET = (
     ".*does not have many workers.*",  # examples are made in a millisecond
     ".*args parameter is intended to run from within Python.*",
@@ -127,14 +133,18 @@ class KeepFigures(Callback):
 
 
 class BestMoved(ModelCheckpoint):
-    """The best of the epochs that learned from rollouts; of all, where a training has no such epochs.
+    """The best validated of the epochs that learned from rollouts; of all, where there are no such epochs.
 
-    Before those nothing was learned through the simulator, whatever validation says.
+    Before those nothing was learned through the simulator, whatever validation says; and after an epoch that
+    is not validated the figures are still those of the one before it.
     """
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Write it where it is the best."""
         assert isinstance(pl_module, PredictorModule)
+        every = trainer.check_val_every_n_epoch
+        if every is not None and (trainer.current_epoch + 1) % every:
+            return
         rollouts, epochs = pl_module.rollouts, trainer.max_epochs or 1
         if rollouts.horizon(trainer.current_epoch, epochs) or not rollouts.horizon(epochs - 1, epochs):
             super().on_train_epoch_end(trainer, pl_module)
@@ -191,7 +201,8 @@ class TrainingCLI(LightningCLI):
         """Refuse early what can only fail later.
 
         Raises:
-            InputError: there is no such checkpoint, it is none, or there is no network that was trained.
+            InputError: there is no such checkpoint, it is none, there is no network that was trained, or what
+                is exported cannot be written.
         """
         epochs = self._get(self.config, "trainer.max_epochs")
         if epochs is not None and epochs < 0:
@@ -199,11 +210,18 @@ class TrainingCLI(LightningCLI):
                 f"trainer.max_epochs is {epochs}: expected 0 or more: the learning rate falls, and rollouts "
                 "grow, over a number of epochs that is known"
             )
+        export = self._get(self.config, "export") if self.subcommand == "fit" else None
+        if export is not None:
+            if Path(export).suffix != PREDICTOR:
+                raise InputError(
+                    f"--export: {export}: expected a file NAME{PREDICTOR}: `matphys twin` reads no other"
+                )
+            check_writable(Path(export))
         path = self._get(self.config, "ckpt_path")
         if path in NEWEST:
             path = _newest(Path(self._get(self.config, "out")), path)
             self.config[str(self.subcommand)].ckpt_path = str(path)
-        if path is not None and Path(path).suffix == ".safetensors":
+        if path is not None and Path(path).suffix == PREDICTOR:
             raise InputError(f"ckpt_path: {path}: a predictor, not a checkpoint: give it as --model.start")
         if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
             raise InputError(
@@ -290,7 +308,21 @@ def run(arguments: Sequence[str]) -> None:
             )
         except (ArgumentError, MisconfigurationException) as error:
             raise InputError(_first_line(error)) from None
+        except pickle.UnpicklingError:
+            raise InputError(
+                "--ckpt_path: expected a checkpoint that `fit` has written, found another file"
+            ) from None
+        except ValueError as error:  # of an object whose making failed jsonargparse keeps the message alone
+            if not str(error).startswith(NO_UNION):
+                raise
+            reasons = [line.strip("- ") for line in str(error).splitlines() if line.startswith("  - ")]
+            raise InputError(reasons[0] if reasons else _first_line(error)) from None
         except RuntimeError as error:
+            if OTHER_NETWORK in str(error):
+                raise InputError(
+                    "--ckpt_path: the checkpoint is of another network than the one that is configured: give "
+                    "the --config that it was trained with"
+                ) from None
             if os.environ.get("LOCAL_RANK", "0") != "0" and LOST in str(error):
                 raise SystemExit(DONE) from None  # the process that failed says why, and with which exit code
             raise

@@ -230,7 +230,7 @@ def _interaction(name: str) -> Interaction:
 
 def _first_view(folder: Path, shape_class: ShapeClass) -> PartView:
     """The first picture of the first camera and the object in it; empty where they are not there."""
-    picture = cv2.imread(str(folder / "color" / "0" / "0.png")) if folder.is_dir() else None
+    picture = _picture(folder / "color" / "0" / "0.png", cv2.IMREAD_COLOR)
     if picture is None:
         nothing = np.zeros((1, 1), bool)
         return PartView(np.zeros((1, 1, 3), np.uint8), nothing, nothing, "object", shape_class)
@@ -245,8 +245,13 @@ def _first_view(folder: Path, shape_class: ShapeClass) -> PartView:
     for key, label in names.items():
         if not str(key).isdigit():  # it becomes part of a path
             raise InputError(f"{table.name}: expected names by number, found {key!r}")
-        found = cv2.imread(str(folder / "mask" / "0" / str(key) / "0.png"), cv2.IMREAD_GRAYSCALE)
+        found = _picture(folder / "mask" / "0" / str(key) / "0.png", cv2.IMREAD_GRAYSCALE)
         if label != HAND and found is not None and found.shape == mask.shape:
             mask |= found > 127
     image = np.ascontiguousarray(picture[..., ::-1])
     return PartView(image, mask, mask, "object", shape_class)
+
+
+def _picture(path: Path, kind: int) -> Array | None:
+    """None where there is none: OpenCV would complain of that on stderr."""
+    return cv2.imread(str(path), kind) if path.is_file() else None

@@ -1,6 +1,7 @@
 """A twin written by the contract with nothing of the project's, and ways to break it."""
 
 import json
+import pickle
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -282,3 +283,37 @@ def _found(observation: "Observation", effect: str = "wind") -> "Findings":
         error_after=np.full(frames, 0.003) if named else None,
         ground_height=observation.ground_height,
     )
+
+
+@pytest.fixture
+def save_phystwin() -> Callable[..., Path]:
+    """Writes a case in PhysTwin's format: a block of 12 x 5 x 4 cubes, lifted off a table, z down.
+
+    `save_phystwin(folder, name, split, **changes)` returns the folder of the case; changes are of arrays.
+    """
+    frames, side = 10, 0.012
+    grid = np.stack(np.meshgrid(np.arange(12), np.arange(5), np.arange(4), indexing="ij"), -1).reshape(-1, 3)
+    jitter = np.random.default_rng(0).uniform(-0.2, 0.2, grid.shape)
+    body = ((grid + 0.5 + jitter) * side) * [1.0, 1.0, -1.0]
+    top = body[body[:, 2] < -2.9 * side]
+    rise = 0.02 * np.arange(frames)[:, None, None] / frames * np.array([0.0, 0.0, -1.0])
+    arrays = {
+        "object_points": top + rise,
+        "object_colors": np.tile(np.array([0.2, 0.4, 0.8]), (frames, len(top), 1)),
+        "object_visibilities": np.ones((frames, len(top)), bool),
+        "object_motions_valid": np.ones((frames, len(top)), bool),
+        "controller_points": top[:4] - np.array([0.0, 0.0, 0.004]) + rise,
+        "surface_points": body[body[:, 2] > -side],
+        "interior_points": body[(body[:, 2] < -side) & (body[:, 2] > -2.9 * side)],
+    }
+
+    def write(folder: Path, name: str = "single_lift_sloth", split: object = None, **changes: object) -> Path:
+        case = folder / name
+        case.mkdir()
+        kept = {key: value for key, value in (arrays | changes).items() if value is not None}
+        (case / "final_data.pkl").write_bytes(pickle.dumps(kept))
+        if split is not None:
+            (case / "split.json").write_text(json.dumps(split))
+        return case
+
+    return write

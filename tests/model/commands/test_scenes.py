@@ -34,3 +34,15 @@ def test_classes_on_offer_are_those_there_are():
 def test_bad_options_are_refused(tmp_path):
     assert run(tmp_path, "--count", 0).exit_code == 2
     assert run(tmp_path, "--class", "cat").exit_code == 2
+
+
+def test_recordings_are_taken_instead_of_made(tmp_path, save_phystwin):
+    recording = save_phystwin(tmp_path, "double_lift_cloth_1")
+    result = run(tmp_path / "cases", "--phystwin", recording)
+    assert result.exit_code == 0, result.output
+    assert f"wrote 1 cases of 1 objects to {tmp_path / 'cases'}" in result.stdout
+    assert [case.name for case in load_folder(tmp_path / "cases")] == ["double_lift_cloth_1"]
+    result = run(tmp_path / "more", "--phystwin", recording, "--count", 3)
+    assert result.exit_code == 2
+    assert "--count is of objects that are made" in result.output
+    assert not (tmp_path / "more").exists()

@@ -20,6 +20,13 @@ def test_a_folder_counts_by_all_that_is_in_it(tmp_path):
     assert len(fingerprint(TwinOptions(depth=tmp_path))["depth"]) == 2
 
 
+def test_a_predictor_of_a_file_counts_by_its_weights():
+    one, two = (fingerprint(TwinOptions(predictor=f"{name}.safetensors"), "a1b2") for name in "ab")
+    assert one == two
+    assert one != fingerprint(TwinOptions(predictor="a.safetensors"), "c3d4")
+    assert fingerprint(TwinOptions())["predictor"] == "matphys"
+
+
 def test_it_says_every_option_as_json():
     said = fingerprint(TwinOptions(box=(1, 2, 3, 4)))
     assert json.loads(json.dumps(said)) == said

@@ -139,6 +139,17 @@ def test_the_best_has_learned_from_rollouts(case_folder, tmp_path, monkeypatch):
         assert card["epochs"] == epochs
 
 
+def test_the_best_was_validated(case_folder, tmp_path, monkeypatch):
+    """Of four epochs the second and the fourth are: the third still has the figures of the second."""
+    rising = count()
+    monkeypatch.setattr(HeldOut, "figures", lambda held, weights: {"loss": float(next(rising))})
+    seldom = ("--model.rollouts.warm_up=2", "--trainer.check_val_every_n_epoch=2")
+    assert fit(case_folder, tmp_path, *seldom, epochs=4) == 0
+    best = torch.load(tmp_path / "run-0" / "checkpoints" / "best.ckpt", weights_only=True)
+    assert best["epoch"] + 1 == 4
+    assert best["figures"]["val/loss"] == 1.0
+
+
 def test_last_and_best_are_those_of_the_run_that_was_written_to_last(tmp_path):
     for number, name in enumerate(("run-0/checkpoints/best", "run-1/checkpoints/last", "run-2/metrics")):
         path = tmp_path / f"{name}.ckpt"
@@ -217,6 +228,10 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
         (["fit", "--model.rollouts.per_batch=-1"], "model.rollouts.per_batch is -1"),
         (["fit", "--model.rollouts.first_horizon=50"], "first_horizon is 50"),
         (["fit", "--trainer.max_epochs=-1"], "trainer.max_epochs is -1"),
+        (["fit", "--export=checkpoints"], "expected a file NAME.safetensors"),
+        (["fit", "--export=mine.bin"], "expected a file NAME.safetensors"),
+        (["fit", f"--config={CONFIGS / 'videomae.yaml'}"], "set MATPHYS_VIDEOMAE"),
+        (["validate", f"--ckpt_path={CONFIGS / 'quick.yaml'}"], "found another file"),
         (["frobnicate"], "frobnicate"),
         ([], "subcommand"),
     ],
@@ -246,6 +261,18 @@ def test_it_does_not_start_from_another_network(trained, case_folder, tmp_path, 
     said = capsys.readouterr().err
     assert "model.network.dim 32" in said
     assert "it is 48" in said
+
+
+def test_a_checkpoint_of_another_network_is_refused_in_one_line(trained, case_folder, tmp_path, capsys):
+    other = f"--ckpt_path={trained / 'checkpoints' / 'best.ckpt'}"
+    common = [
+        f"--config={CONFIGS / 'quick.yaml'}",
+        f"--data.folder={case_folder}",
+        f"--out={tmp_path}",
+        *SMALL,
+    ]
+    assert main(["validate", *common, other, "--model.network.dim=48"]) == 2
+    assert "the checkpoint is of another network" in capsys.readouterr().err
 
 
 def test_prediction_reads_the_folder_it_is_given_and_no_other(trained, case_folder, tmp_path):

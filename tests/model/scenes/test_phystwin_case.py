@@ -12,47 +12,13 @@ from model.scenes.phystwin_case import read_phystwin_case, read_split
 from model.scenes.replay import replay
 from model.types import MaterialPrior, PartView
 
-FRAMES = 10
-SIDE = 0.012
+FRAMES, SIDE = 10, 0.012
+"""Of the recording, and of a cube of its block [m] (`save_phystwin`)."""
 
 
-def block() -> np.ndarray:
-    """A block of 12 x 5 x 4 cubes on a table at z = 0, in a world with z down."""
-    grid = np.stack(np.meshgrid(np.arange(12), np.arange(5), np.arange(4), indexing="ij"), -1).reshape(-1, 3)
-    jitter = np.random.default_rng(0).uniform(-0.2, 0.2, grid.shape)
-    return ((grid + 0.5 + jitter) * SIDE) * [1.0, 1.0, -1.0]
-
-
-def content(**changes: object) -> dict[str, np.ndarray]:
-    body = block()
-    top = body[body[:, 2] < -2.9 * SIDE]
-    rise = 0.02 * np.arange(FRAMES)[:, None, None] / FRAMES * np.array([0.0, 0.0, -1.0])
-    points = top + rise
-    hand = top[:4] - np.array([0.0, 0.0, 0.004]) + rise
-    arrays = {
-        "object_points": points,
-        "object_colors": np.tile(np.array([0.2, 0.4, 0.8]), (FRAMES, len(top), 1)),
-        "object_visibilities": np.ones((FRAMES, len(top)), bool),
-        "object_motions_valid": np.ones((FRAMES, len(top)), bool),
-        "controller_points": hand,
-        "surface_points": body[body[:, 2] > -SIDE],
-        "interior_points": body[(body[:, 2] < -SIDE) & (body[:, 2] > -2.9 * SIDE)],
-    } | changes
-    return {key: value for key, value in arrays.items() if value is not None}
-
-
-def save(folder: Path, name: str = "single_lift_sloth", split: object = None, **changes: object) -> Path:
-    case = folder / name
-    case.mkdir()
-    (case / "final_data.pkl").write_bytes(pickle.dumps(content(**changes)))
-    if split is not None:
-        (case / "split.json").write_text(json.dumps(split))
-    return case
-
-
-def test_the_body_stands_upright_on_the_table_and_is_held(tmp_path):
+def test_the_body_stands_upright_on_the_table_and_is_held(tmp_path, save_phystwin):
     split = {"frame_len": 8, "train": [0, 5], "test": [5, 8]}
-    case = read_phystwin_case(save(tmp_path, split=split), point_count=120)
+    case = read_phystwin_case(save_phystwin(tmp_path, split=split), point_count=120)
     assert (case.name, case.object_class, case.shape_class) == ("single_lift_sloth", "plush", "solid")
     assert case.interaction == "lift"
     assert case.split == 5
@@ -77,8 +43,8 @@ def test_the_body_stands_upright_on_the_table_and_is_held(tmp_path):
     )
 
 
-def test_it_replays_with_the_means_of_its_prior(tmp_path):
-    case = read_phystwin_case(save(tmp_path), point_count=80, observed=20)
+def test_it_replays_with_the_means_of_its_prior(tmp_path, save_phystwin):
+    case = read_phystwin_case(save_phystwin(tmp_path), point_count=80, observed=20)
     assert case.rest.shape == (20, 3)
     gravity = case.observation.gravity
     parameters = PriorMeanPredictor().from_priors(case.topology, case.priors, case.shape_class, gravity, 0.0)
@@ -87,15 +53,17 @@ def test_it_replays_with_the_means_of_its_prior(tmp_path):
     assert np.isfinite(moved).all()
 
 
-def test_points_that_were_not_tracked_well_are_gaps(tmp_path):
+def test_points_that_were_not_tracked_well_are_gaps(tmp_path, save_phystwin):
     visible = np.ones((FRAMES, 60), bool)
     visible[3, 7] = False
-    case = read_phystwin_case(save(tmp_path, object_visibilities=visible), point_count=60, observed=60)
+    case = read_phystwin_case(
+        save_phystwin(tmp_path, object_visibilities=visible), point_count=60, observed=60
+    )
     np.testing.assert_array_equal(np.argwhere(np.isnan(case.observation.points[..., 0])), [[3, 7]])
 
 
-def test_the_expert_sees_the_first_picture_without_the_hand(tmp_path):
-    folder = save(tmp_path, "double_lift_cloth_3")
+def test_the_expert_sees_the_first_picture_without_the_hand(tmp_path, save_phystwin):
+    folder = save_phystwin(tmp_path, "double_lift_cloth_3")
     for place in ("color/0", "mask/0/0", "mask/0/1"):
         (folder / place).mkdir(parents=True)
     cv2.imwrite(str(folder / "color/0/0.png"), np.full((8, 12, 3), (30, 20, 10), np.uint8))
@@ -155,9 +123,9 @@ def test_without_a_split_seven_frames_of_ten_are_learned_from(tmp_path):
         ({"object_points": np.full((FRAMES, 60, 3), np.nan)}, "points"),
     ],
 )
-def test_a_folder_that_is_no_case_is_refused_with_one_line(tmp_path, changes, expected):
+def test_a_folder_that_is_no_case_is_refused_with_one_line(tmp_path, changes, expected, save_phystwin):
     with pytest.raises(InputError, match=expected) as refused:
-        read_phystwin_case(save(tmp_path, **changes))
+        read_phystwin_case(save_phystwin(tmp_path, **changes))
     assert "\n" not in str(refused.value)
 
 
