@@ -62,6 +62,8 @@ COMMON: Mapping[VerdictName | None, float] = {NONE: 0.4, None: 0.45, UNKNOWN: 0.
 are picked, and count as if they came so."""
 STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
+EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "harm")
+"""No effect is believed less for explaining more."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
 
 
@@ -160,7 +162,9 @@ def learned(worlds: Sequence[Told]) -> Weighing:
         apart = weights - before
         return float(STIFF * (apart**2).sum() - worth @ np.log(share[:, 0])), slope + 2.0 * STIFF * apart
 
-    return Weighing(*minimize(cost, before, jac=True, method="L-BFGS-B").x.tolist())
+    names = [field.name for field in fields(Weighing)]
+    bounds = [(0.0 if name in EXPLAINING else None, None) for name in names]
+    return Weighing(*minimize(cost, before, jac=True, method="L-BFGS-B", bounds=bounds).x.tolist())
 
 
 def _linear(accounts: Sequence[Account]) -> tuple[Float64[Array, "w a k"], Float64[Array, "w a"]]:
