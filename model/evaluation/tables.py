@@ -12,7 +12,7 @@ from model.evaluation.bootstrap import Interval, interval, mean_difference, mean
 from model.evaluation.consistency import consistency
 from model.evaluation.protocol import GLOBALS, Setting
 from model.evaluation.records import Record, Scores
-from model.evaluation.truth import rank_lost, truth_scores
+from model.evaluation.truth import global_coverage, rank_lost, truth_scores
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def tables(records: Sequence[Record], methods: Sequence[str], settings: Sequence
         _differences(of, settings),
         *(_classes(of, setting) for setting in settings if setting in _BY_CLASS),
     ]
-    made += [_parts(of), _globals(of), _consistency(of), _cost(of)]
+    made += [_parts(of), _globals(of), _global_coverage(of), _consistency(of), _cost(of)]
     return [table for table in made if any(cell.figure for _, cells, _ in table.rows for cell in cells)]
 
 
@@ -257,6 +257,15 @@ def _global_error(records: Iterable[Record], name: str) -> Interval | None:
             groups.setdefault(record.object_name, []).append(float(np.log(ratio)) ** 2)
     ordered = [groups[key] for key in sorted(groups)]
     return interval(ordered, lambda chosen: float(np.sqrt(np.mean([np.mean(each) for each in chosen]))))
+
+
+def _global_coverage(of: dict[str, list[Record]]) -> Table:
+    title = "Parameters of the whole object: share of truths in the stated 90 % interval"
+    rows = []
+    for name, records in of.items():
+        cells = tuple(Cell(title, name, each, global_coverage(records, each), 2) for each in GLOBALS)
+        rows.append((name, cells, ()))
+    return Table(title, GLOBALS, tuple(rows))
 
 
 def _consistency(of: dict[str, list[Record]]) -> Table:

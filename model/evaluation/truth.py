@@ -18,6 +18,7 @@ from model.types import Array, MaterialPrior, Parameters
 COVERED = 0.9
 """Of the true values, by intervals as wide as the stated spread says."""
 WIDTH = float(norm.ppf(0.5 + COVERED / 2.0))
+TINY = 1e-6
 FEWEST = 3
 """Parts that a rank correlation needs at least."""
 
@@ -93,6 +94,30 @@ def truth_scores(records: Sequence[Record], seed: int = 0) -> TruthScores:
         coverage=interval(tables, _coverage, seed),
         parts=sum(len(table) for table in tables),
     )
+
+
+def global_coverage(records: Sequence[Record], name: str, seed: int = 0) -> Interval | None:
+    """Share of the true values of a parameter of the whole object in the stated 90 % interval.
+
+    As it was predicted: of the logarithm, and of the log-odds of a restitution.
+    """
+    groups: dict[str, list[bool]] = {}
+    for record in records:
+        entry = record.globals.get(name)
+        if entry is not None and entry.std is not None:
+            odds = name == "restitution"
+            truth, estimate = (_free(value, odds) for value in (entry.truth, entry.estimate))
+            slope = entry.estimate * (1.0 - entry.estimate if odds else 1.0)
+            spread = entry.std / max(slope, TINY)
+            groups.setdefault(record.object_name, []).append(abs(estimate - truth) <= WIDTH * spread)
+    ordered = [groups[key] for key in sorted(groups)]
+    return interval(ordered, lambda chosen: float(np.mean([np.mean(each) for each in chosen])), seed)
+
+
+def _free(value: float, odds: bool) -> float:
+    """The logarithm, or the log-odds."""
+    low = max(value, TINY)
+    return float(np.log(low) - (np.log(max(1.0 - value, TINY)) if odds else 0.0))
 
 
 def rank_lost(first: Sequence[Record], second: Sequence[Record], seed: int = 0) -> Interval | None:

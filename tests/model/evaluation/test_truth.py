@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy.stats import spearmanr
 
-from model.evaluation.records import PartRecord
-from model.evaluation.truth import rank_lost, truth_scores
+from model.evaluation.records import GlobalRecord, PartRecord
+from model.evaluation.truth import global_coverage, rank_lost, truth_scores
 
 
 @pytest.fixture
@@ -50,6 +50,24 @@ def test_coverage_of_a_spread_that_is_right_too_small_or_too_large(records):
     for stated, expected in ((0.5, 0.9), (0.25, 0.589), (5.0, 1.0)):
         some = records(truth[:400].tolist(), estimate[:400].tolist(), [stated] * 400)
         assert truth_scores(some).coverage.value == pytest.approx(expected, abs=0.04)
+
+
+@pytest.mark.parametrize(("stated", "expected"), [(0.5, 0.9), (0.25, 0.589), (5.0, 1.0)])
+def test_spreads_of_globals_cover_what_they_say(make_record, stated, expected):
+    """Drawn as logarithms and log-odds, stated to first order in their own units, as a twin carries them."""
+    rng = np.random.default_rng(2)
+    made = []
+    for k, (drag, odds) in enumerate(rng.normal(0.0, 0.5, (400, 2))):
+        value = 1.0 / (1.0 + np.exp(-odds))
+        told = {
+            "drag_rate": GlobalRecord(truth=2.0 * np.exp(drag), estimate=2.0, std=2.0 * stated),
+            "restitution": GlobalRecord(truth=value, estimate=0.5, std=0.25 * stated),
+            "friction": GlobalRecord(truth=0.3, estimate=0.3, std=None),
+        }
+        made.append(make_record(object_name=f"o{k}").model_copy(update={"globals": told}))
+    for name in ("drag_rate", "restitution"):
+        assert global_coverage(made, name).value == pytest.approx(expected, abs=0.04)
+    assert global_coverage(made, "friction") is None
 
 
 def test_without_truth_nothing_is_known(records):
