@@ -82,7 +82,12 @@ def matphys(context: click.Context, debug: bool) -> None:
 @click.option("--box", callback=_box, metavar="x,y,w,h", help="A box around the object on the keyframe [px].")
 @click.option("--keyframe", type=click.IntRange(min=0), metavar="N", help="The frame to reconstruct from.")
 @click.option("--camera", type=InputFile, metavar="JSON", help="Intrinsics and pose of the camera.")
-@click.option("--size-m", type=float, metavar="M", help="The longest side of the object [m].")
+@click.option(
+    "--size-m",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="M",
+    help="The longest side of the object [m].",
+)
 @click.option("--mesh", type=InputFile, metavar="GLB", help="A mesh of the object (GLB, OBJ, PLY).")
 @click.option("--depth", type=click.Path(exists=True, path_type=Path), help="Depth of the keyframe [mm].")
 @click.option(
@@ -104,7 +109,9 @@ def matphys(context: click.Context, debug: bool) -> None:
 @click.option("--reconstruction", metavar="NAME", help="Method: silhouette, mesh, depth.")
 @click.option("--encoder", metavar="NAME", help="Semantic features: texture, dinov2.")
 @click.option("--renderer", metavar="NAME", help="Who draws the preview: splat, gsplat.")
-@click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Of everything that is drawn by lot.")
+@click.option(
+    "--seed", type=click.IntRange(0, 2**31 - 1), metavar="N", help="Of everything that is drawn by lot."
+)
 @click.option(
     "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
 )
@@ -114,7 +121,11 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
 
     Nothing but the clip is needed: what is not given is estimated, and the twin says how.
     """
-    check_outputs(video, out, preview)
+    named = (options.get(name) for name in ("mask", "camera", "mesh", "depth", "controllers"))
+    given_files = [video, *(path for path in named if isinstance(path, Path))]
+    if str(options.get("predictor") or "").endswith(".safetensors"):
+        given_files.append(Path(str(options["predictor"])))
+    check_outputs(given_files, out, preview)
     from model.pipeline import TwinOptions, build_twin
 
     default_to_one_thread()
@@ -162,7 +173,7 @@ def simulate(
     quiet: bool,
 ) -> None:
     """Move TWIN, by the recorded motion of the hand or by another."""
-    check_outputs(twin, out, video)
+    check_outputs((twin, controls), out, video)
     from model.bundle import TwinBundle
     from model.formats.trajectory import write_trajectory
 
@@ -217,7 +228,7 @@ def observe(
     quiet: bool,
 ) -> None:
     """Say what really moved in SOURCE: a PhysTwin case (final_data.pkl), or a clip with its --twin."""
-    check_outputs(source, out)
+    check_outputs((source, twin, mask), out)
     from model.observation import write_observation
     from model.observation_doubts import observation_doubts
 

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import click
+from redis.exceptions import RedisError
 
 from model.errors import InputError
 from service.auth import SCOPES, ApiKeys, Scope
@@ -61,5 +62,8 @@ def _api_keys(data_dir: Path) -> Iterator[ApiKeys]:
         with EmbeddedRedis(data_dir / "redis") as redis, connect(redis.url) as client:
             yield ApiKeys(client)
     else:
-        with connect(url, patience_s=2.0) as client:
-            yield ApiKeys(client)
+        try:
+            with connect(url, patience_s=2.0) as client:
+                yield ApiKeys(client)
+        except RedisError as error:
+            raise InputError(f"REDIS_URL: Redis does not answer ({type(error).__name__})") from None

@@ -99,6 +99,11 @@ class FormReader:
             raise ProblemError("bad-request", "a part of the form has no name")
         if name in self._seen:
             raise ProblemError("bad-request", f"the form has {name[:40]!r} twice")
+        if name not in self._files and message.get_filename() is not None:
+            known = ", ".join(self._files)
+            raise ProblemError(
+                "invalid-request", f"{name[:40]}: no file is read by this name: expected {known}"
+            )
         self._seen.add(name)
         self._name = name
         if name in self._files:

@@ -51,9 +51,9 @@ class Inspector:
         if "refused" in verdict:
             name = "unsupported-media-type" if verdict["unknown_format"] else "bad-input"
             raise ProblemError(name, f"{verdict['refused']}: {verdict['detail']}")
-        first = next(iter(files), "upload")
+        several = " or ".join(files) or "upload"  # nobody says which one it was
         raise ProblemError(
-            "bad-input", f"{first}: cannot be read within the limits of an upload: re-encode it"
+            "bad-input", f"{several}: cannot be read within the limits of an upload: re-encode it"
         )
 
 

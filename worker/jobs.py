@@ -44,6 +44,10 @@ TOO_LARGE: Final = JobError(
     title="The job needs more memory than it may have",
     detail="try a shorter clip, fewer pixels or fewer points",
 )
+OUT_OF_MEMORY: Final = (
+    "can't allocate memory",  # torch
+    "Insufficient memory",  # OpenCV
+)
 TOO_SLOW: Final = JobError(
     type="timeout",
     title="The job takes longer than it may",
@@ -122,7 +126,7 @@ def _settle(error: BaseException, records: Records, record: JobRecord, attempt: 
             case InputError():
                 detail = str(error).replace(f"{folder}/", "")
                 records.fail(record.id, attempt, JobError(type="bad-input", title=BAD_INPUT, detail=detail))
-            case MemoryError():
+            case _ if _exhausted(error):
                 LOG.warning("out of memory", exc_info=error, extra=extra)
                 records.fail(record.id, attempt, TOO_LARGE)
             case OutOfTimeError():
@@ -138,6 +142,11 @@ def _settle(error: BaseException, records: Records, record: JobRecord, attempt: 
     except RedisError:
         return AGAIN
     return DONE
+
+
+def _exhausted(error: BaseException) -> bool:
+    """Whether memory was what lacked; torch and OpenCV say so in words."""
+    return isinstance(error, MemoryError) or any(words in str(error) for words in OUT_OF_MEMORY)
 
 
 class Report:

@@ -28,7 +28,7 @@ from worker.shepherd import CRASH, Shepherd
 from worker.stable import Stable, work
 from worker.storage import Storage
 
-DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
+DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 GRACE_S = 25.0
 WARM = ("pipeline", "summary", "exports")
 """What the worker imports once, for all the processes it forks."""
@@ -190,10 +190,12 @@ def _command(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the worker and return its exit code: 0 stopped as told, 1 our fault, 2 bad input."""
+    """Run the worker; its exit code: 0 stopped as told, 1 our fault, 2 bad input, 130 interrupted."""
     try:
         _command.main(arguments, prog_name="matphys-worker", standalone_mode=False)
         return DONE
+    except (click.Abort, KeyboardInterrupt):  # before it answers to signals by itself
+        return INTERRUPTED
     except click.ClickException as error:
         click.echo(f"matphys-worker: {error.format_message()}", err=True)
         return BAD_INPUT

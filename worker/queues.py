@@ -20,6 +20,7 @@ from rq.exceptions import NoSuchJobError
 from rq.job import Job
 from rq.serializers import JSONSerializer
 
+from model.errors import InputError
 from worker.record import JobRecord
 from worker.records import Records
 
@@ -112,10 +113,12 @@ def connect(url: str, patience_s: float = PATIENCE_S) -> "Redis":
         url: `redis://`, `rediss://` or `unix://`.
         patience_s: How long a call tries again before it raises [s]. Workers wait long; a front that owes
             somebody an answer waits less.
+
+    Raises:
+        InputError: the URL is none.
     """
-    client = cast(
-        PatientRedis,
-        PatientRedis.from_url(
+    try:
+        made = PatientRedis.from_url(
             url,
             decode_responses=True,
             socket_timeout=ANSWER_S,
@@ -127,8 +130,10 @@ def connect(url: str, patience_s: float = PATIENCE_S) -> "Redis":
                 redis.exceptions.TimeoutError,
                 redis.exceptions.BusyLoadingError,
             ],
-        ),
-    )
+        )
+    except ValueError:  # the URL may hold a password: it is not repeated
+        raise InputError("REDIS_URL: expected redis://HOST:PORT, rediss://… or unix://…") from None
+    client = cast(PatientRedis, made)
     client.patience_s = patience_s
     return client
 

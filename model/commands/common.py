@@ -15,9 +15,15 @@ InputFile = click.Path(exists=True, dir_okay=False, path_type=Path)
 OutputFile = click.Path(path_type=Path)
 
 
-def check_outputs(source: Path, *outputs: Path | None) -> None:
-    """Refuse, before any work, outputs that cannot be written or would take the place of another file."""
-    taken = {source.resolve(): "the input"}
+def check_outputs(sources: Iterable[Path | None], *outputs: Path | None) -> None:
+    """Refuse, before any work, outputs that cannot be written or would take the place of another file.
+
+    Args:
+        sources: All files that are read.
+        outputs: All that are written.
+    """
+    read = [source.resolve() for source in sources if source is not None]
+    taken = {path: "the input" if path == read[0] else "read as well" for path in reversed(read)}
     for output in outputs:
         if output is None:
             continue

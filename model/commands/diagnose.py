@@ -55,7 +55,7 @@ def diagnose(
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file: give a folder for the report")
     check_writable(out / "report.json")
-    check_outputs(observation, save_twin)
+    check_outputs((observation, transfer), save_twin)
     if save_twin is not None and twin is not None and save_twin.resolve() == twin.resolve():
         raise InputError(f"{save_twin} is the twin that is questioned: give the output another name")
     from model.pipeline import diagnose as run

@@ -41,7 +41,7 @@ def edit(twin: Path, part: int, material: str, out: Path, shape: str, predictor:
     asked about the motion that the twin has with the new material's usual properties. A twin whose mechanics
     are the material prior's means gets those of the new material.
     """
-    check_outputs(twin, out)
+    check_outputs((twin,), out)
     from model.bundle import TwinBundle
     from model.edit import edit_part, predictor_of
     from model.predictor.named import predictor_named

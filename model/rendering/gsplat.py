@@ -21,6 +21,15 @@ class GsplatRenderer(Renderer):
 
     name = "gsplat"
 
+    def __init__(self) -> None:
+        """Refuse now what could only fail after all the work.
+
+        Raises:
+            MissingDependencyError: the package or a CUDA device is absent.
+        """
+        super().__init__()
+        self._gsplat = _import_gsplat()
+
     def forward(
         self,
         means: Float[Tensor, "G 3"],
@@ -30,12 +39,7 @@ class GsplatRenderer(Renderer):
         colors: Float[Tensor, "G 3"],
         camera: Camera,
     ) -> Rendering:
-        """Render from `camera` at its own resolution.
-
-        Raises:
-            MissingDependencyError: the package or a CUDA device is absent.
-        """
-        gsplat = _import_gsplat()
+        """Render from `camera` at its own resolution."""
         home, device = means.device, torch.device("cuda")
         means, scales, quaternions, opacities, colors = (
             tensor.to(device, torch.float32) for tensor in (means, scales, quaternions, opacities, colors)
@@ -43,7 +47,7 @@ class GsplatRenderer(Renderer):
         intrinsics, pose = camera_tensors(camera, means)
         intrinsics = intrinsics.clone()
         intrinsics[:2, 2] += 0.5  # its first pixel has its centre at (0.5, 0.5), ours at (0, 0)
-        image, alpha, _ = gsplat.rasterization(
+        image, alpha, _ = self._gsplat.rasterization(
             means=means,
             quats=quaternions,
             scales=scales,
@@ -66,9 +70,9 @@ def _import_gsplat() -> ModuleType:
         import gsplat
     except ImportError as error:
         raise MissingDependencyError(
-            "the gsplat renderer needs the gsplat package: pip install gsplat, or choose the renderer `torch`"
+            "the gsplat renderer needs the gsplat package: pip install gsplat, or choose the renderer `splat`"
         ) from error
     if not torch.cuda.is_available():
-        raise MissingDependencyError("the gsplat renderer needs a CUDA device: choose the renderer `torch`")
+        raise MissingDependencyError("the gsplat renderer needs a CUDA device: choose the renderer `splat`")
     module: ModuleType = gsplat
     return module

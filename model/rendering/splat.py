@@ -29,7 +29,7 @@ class SplatRenderer(Renderer):
         Kerbl et al. (2023), 3D Gaussian splatting for real-time radiance field rendering, eq. 3.
     """
 
-    name = "torch"
+    name = "splat"
 
     def __init__(self, transmittance_floor: float = 1e-4) -> None:
         """Remember when a tile is finished."""

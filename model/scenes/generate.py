@@ -1,5 +1,6 @@
 """A folder of generated cases: the same for the same seed, however many processes make it."""
 
+import shutil
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -58,11 +59,17 @@ def generate(
         raise InputError(f"cannot write {folder}: {(error.strerror or str(error)).lower()}") from None
     task = partial(_make, folder, seed, classes, interactions, films)
     report("scenes", 0.0)
-    for done, trouble in enumerate(_in_processes(task, range(first, first + count), workers), start=1):
-        if trouble:
-            warnings.warn(trouble, stacklevel=2)
-        report("scenes", done / (count + 1))
-    index = write_index(folder, seed)
+    try:
+        for done, trouble in enumerate(_in_processes(task, range(first, first + count), workers), start=1):
+            if trouble:
+                warnings.warn(trouble, stacklevel=2)
+            report("scenes", done / (count + 1))
+        index = write_index(folder, seed)
+    except BaseException:  # Ctrl-C above all: cases without an index are no folder of cases
+        for path in folder.glob(f"*{SUFFIX}"):
+            path.unlink(missing_ok=True)
+            shutil.rmtree(folder / FILMS / path.name.removesuffix(SUFFIX), ignore_errors=True)
+        raise
     report("done", 1.0)
     return index
 

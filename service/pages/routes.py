@@ -8,6 +8,7 @@ from importlib import resources
 from fastapi import APIRouter, Request, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from service.errors import ProblemError
 from service.pages.offers import Format, Offer
 
 MEDIA_TYPES = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
@@ -52,7 +53,7 @@ def page_router(
     def show_file(request: Request, asked: str, name: str) -> Response:
         content = files.get(name)
         if content is None:
-            return Response("There is no such file.\n", 404, media_type="text/plain")
+            raise ProblemError("not-found", "there is no such file")
         keep = "public, max-age=31536000, immutable" if asked == version else "no-cache"
         return _answer(request, content, MEDIA_TYPES[name[name.rindex(".") :]], keep)
 

@@ -231,6 +231,18 @@ class TestTwin:
         assert pipeline.video is None
         assert clip.read_bytes() == b"video"
 
+    @pytest.mark.parametrize("option", ["--mask", "--controllers", "--predictor"])
+    def test_nothing_that_is_read_is_overwritten(
+        self, run, pipeline, clip: Path, tmp_path: Path, option: str
+    ):
+        other = tmp_path / "other.safetensors"
+        other.write_bytes(b"mine")
+        outcome = run("twin", clip, "--out", tmp_path / "a.twin.zip", option, other, "--preview", other)
+        assert outcome.code == 2
+        assert "is read as well" in outcome.line
+        assert pipeline.video is None
+        assert other.read_bytes() == b"mine"
+
     def test_impossible_outputs_are_refused_before_the_work(self, run, pipeline, clip: Path, tmp_path: Path):
         assert "it is a folder" in run("twin", clip, "--out", tmp_path).line
         assert "is not a folder" in run("twin", clip, "--out", clip / "a.twin.zip").line

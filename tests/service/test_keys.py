@@ -50,6 +50,18 @@ def test_keys_of_a_service_elsewhere(run, redis_url, monkeypatch):
 
 
 @pytest.mark.parametrize(
+    ("address", "words"),
+    [("localhost:6379", "expected redis://HOST:PORT"), ("redis://127.0.0.1:1", "Redis does not answer")],
+)
+def test_an_address_without_a_redis_is_one_line(run, monkeypatch, address, words):
+    monkeypatch.setenv("REDIS_URL", address)
+    code, _, err = run("list")
+    assert code == 2
+    assert words in err
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("revoke", "000000000000"), "there is no key 000000000000"),

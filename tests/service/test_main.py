@@ -236,6 +236,7 @@ def test_a_port_that_is_taken_is_refused(tmp_path):
         ([], {"MATPHYS_MAX_JOBS": "many"}, "MATPHYS_MAX_JOBS=many"),
         ([], {"MATPHYS_LOG_LEVEL": "loud"}, "MATPHYS_LOG_LEVEL=LOUD"),
         ([], {"REDIS_URL": "redis://127.0.0.1:1", "STORE_URL": "ftp://x"}, "ftp://x"),
+        ([], {"REDIS_URL": "localhost:6379"}, "expected redis://HOST:PORT"),
     ],
 )
 def test_a_wrong_setting_is_named_in_one_line(tmp_path, arguments, environment, words):

@@ -5,7 +5,10 @@ import resource
 import signal
 import time
 
+import cv2
+import numpy as np
 import pytest
+import torch
 from pydantic import BaseModel
 from redis.exceptions import ConnectionError as RedisAway
 
@@ -116,6 +119,15 @@ def test_too_much_memory_is_the_end_of_the_job_alone(attempt):
     code, record = attempt(lambda run: bytearray(2 << 30))
     assert (code, record.status, record.error) == (DONE, "failed", jobs.TOO_LARGE)
     assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+@pytest.mark.parametrize(
+    "exhaust",
+    [lambda: torch.zeros(1 << 29), lambda: cv2.resize(np.zeros((9, 9), np.uint8), (60_000, 60_000))],
+)
+def test_too_much_memory_is_known_in_the_words_of_libraries(attempt, exhaust):
+    code, record = attempt(lambda run: exhaust())
+    assert (code, record.status, record.error) == (DONE, "failed", jobs.TOO_LARGE)
 
 
 def test_too_much_time_is_the_end_of_the_job(attempt):

@@ -260,6 +260,24 @@ def test_jobs_whose_time_is_over_are_deleted(records, errand, eventually):
     assert records.expire() == 0
 
 
+def test_a_job_is_kept_as_long_as_what_is_made_of_it(records, client, errand, eventually):
+    """Neither a diagnosis under way nor one that has ended goes with a twin that is older."""
+    parent = errand(keep_s=1.0)
+    records.create(parent)
+    records.succeed(parent.id, begin(records, parent), [FILE], {})
+    short = records.get(parent.id).expires_at
+    child = errand(parent=parent.id, keep_s=600.0)
+    records.create(child)
+    assert records.get(parent.id).expires_at > short
+    attempt = begin(records, child)
+    eventually(lambda: records._now() > short.timestamp())
+    assert records.expire() == 0
+    records.succeed(child.id, attempt, [FILE], {})
+    assert records.get(parent.id).expires_at >= records.get(child.id).expires_at
+    assert records.expire() == 0
+    assert records.get(child.id).status == "succeeded"
+
+
 def test_reserved_files_are_swept_unless_a_job_claims_them(records, client, errand):
     claimed, orphan = errand(), errand()
     records.reserve(claimed.id)

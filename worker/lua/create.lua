@@ -36,6 +36,7 @@ redis.call('HSET', job(id), 'status', 'queued', 'stage', '', 'progress', '0', 'a
 add(id, queue, tenant, kind, at)
 local parent = get(id, 'parent')
 if parent and parent ~= '' then redis.call('SADD', P .. 'children:' .. parent, id) end
+keep_parent(id)
 redis.call('ZREM', P .. 'garbage', files_of(id))
 if digest ~= '' then redis.call('SET', digest_key, id) end
 remember(id)

@@ -71,6 +71,19 @@ local function announce(id)
   add(hook, 'webhooks', tenant, 'webhook', at)
 end
 
+-- A job that was made from another one keeps that one for as long: nothing is deleted before it has ended, and
+-- been kept, itself. Webhooks are told of their job, and need nothing of it.
+local function keep_parent(id)
+  local parent = get(id, 'parent')
+  if not parent or parent == '' or get(id, 'kind') == 'webhook' then return end
+  local ends = now() + tonumber(get(id, 'keep_s'))
+  local held = redis.call('ZSCORE', P .. 'expiry', parent)
+  if held and tonumber(held) < ends then
+    redis.call('ZADD', P .. 'expiry', text(ends), parent)
+    redis.call('HSET', job(parent), 'expires_at', text(ends))
+  end
+end
+
 -- Final states never change: every caller checks that the job is not in one yet.
 local function finish(id, status)
   local at = now()
@@ -87,6 +100,7 @@ local function finish(id, status)
     forget_digest(id)
     if attempt ~= '0' then discard(files_of(id) .. attempt .. '/', ZOMBIE_S) end
   end
+  keep_parent(id)
   event(id)
   announce(id)
 end

@@ -76,4 +76,8 @@ def test_gsplat_says_what_is_missing(monkeypatch):
 
     monkeypatch.setattr(builtins, "__import__", refuse)
     with pytest.raises(MissingDependencyError, match="pip install gsplat"):
-        GsplatRenderer()(*one_gaussian([0.0, 0.0, 1.0]), CAMERA)
+        GsplatRenderer()
+
+
+def test_renderers_have_the_names_that_the_command_offers():
+    assert [each.name for each in ALL_RENDERERS] == ["splat", "gsplat"]

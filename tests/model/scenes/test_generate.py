@@ -57,6 +57,16 @@ def test_films_show_the_colours_of_the_cases(tmp_path, monkeypatch):
     assert np.corrcoef(painted, shown)[0, 1] > 0.8
 
 
+def test_what_was_interrupted_leaves_no_cases(tmp_path, monkeypatch):
+    def stop(stage, share):
+        if share > 0.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        generate(tmp_path, 2, classes=("cloth",), interactions=1, report=stop)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_with_cases_is_left_alone(tmp_path):
     (tmp_path / "a.case.npz").write_bytes(b"")
     with pytest.raises(InputError, match="has cases already"):

@@ -54,6 +54,7 @@ CASES = [
         lambda shop: {"files": {"video": shop.clip}, "data": {"webhook": "https://" + "x" * 1_000_000}},
     ),
     form("field that climbs", 422, lambda shop: {"files": {"video": shop.clip, "../../../tmp/evil": b"x"}}),
+    form("file by a name that none has", 422, lambda shop: {"files": {"file": shop.clip}}),
     form(
         "field that is no text",
         400,

@@ -5,6 +5,7 @@ from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from model.job_schema import JobRequest, TwinRequest
+from service.errors import install
 from service.pages.offers import Format, make_offer
 from service.pages.routes import page_router
 
@@ -18,6 +19,7 @@ def page():
     twin = make_offer("twin", "twins", TwinRequest, ("video", "mask"), required=("video",))
     dance = make_offer("dance", "dances", DanceRequest, ("music",), required=("music",), help="<b>Moves</b>")
     app = FastAPI()
+    install(app)
     app.include_router(page_router(twin, [dance], [Format("ply", "PLY", "Gaussians")], "500 MB"))
     with TestClient(app) as client:
         yield client
