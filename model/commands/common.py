@@ -23,7 +23,7 @@ def check_outputs(sources: Iterable[Path | None], *outputs: Path | None) -> None
         outputs: All that are written.
     """
     read = [source.resolve() for source in sources if source is not None]
-    taken = {path: "the input" if path == read[0] else "read as well" for path in reversed(read)}
+    taken = {path: "the input" if path == read[0] else "read by this command" for path in reversed(read)}
     for output in outputs:
         if output is None:
             continue

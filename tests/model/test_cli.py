@@ -239,7 +239,7 @@ class TestTwin:
         other.write_bytes(b"mine")
         outcome = run("twin", clip, "--out", tmp_path / "a.twin.zip", option, other, "--preview", other)
         assert outcome.code == 2
-        assert "is read as well" in outcome.line
+        assert "is read by this command" in outcome.line
         assert pipeline.video is None
         assert other.read_bytes() == b"mine"
 
