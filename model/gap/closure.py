@@ -33,6 +33,11 @@ class Closed:
     refit: Forecast
     with_effect: Forecast | None
 
+    @property
+    def idle(self) -> bool:
+        """The effect cannot act here: the twin with it is the refitted one."""
+        return self.with_effect is self.refit
+
 
 @dataclass(frozen=True)
 class Foretold:
@@ -82,18 +87,20 @@ def transfer(
         study: The twin as it came.
         other: The other recording.
         refitted: What the plain twin from `confirm.refit` foretells there.
-        with_effect: From `confirm.confirm`; None: the verdict has no effect. One that cannot act there, as
-            what the ground does cannot in the air, is told nothing of.
+        with_effect: From `confirm.confirm`; None: the verdict has no effect. With one that cannot act there,
+            as what the ground does cannot in the air, the twin is the refitted one.
         flexible: From `ceiling.ceiling`; None: not determined.
     """
-    if with_effect is not None and not other.hypothesis(with_effect.hypothesis).effects:
-        with_effect = None
 
     def there(one: Fitted | None) -> Forecast | None:
         return None if one is None else other.forecast(one.hypothesis, one.estimate.values)
 
+    idle = with_effect is not None and not other.hypothesis(with_effect.hypothesis).effects
     foretold = Foretold(
-        other.forecast(study.plain, study.start), refitted, there(with_effect), there(flexible)
+        other.forecast(study.plain, study.start),
+        refitted,
+        refitted if idle else there(with_effect),
+        there(flexible),
     )
     return _closed(other.twin.observation.times, other.noise, foretold)
 

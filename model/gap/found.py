@@ -131,7 +131,8 @@ class Found:
             for away in self.study.plain.twin.idle
         ]
         said += self.located.warnings
-        if self.there is not None and chosen is not None and self.there.with_effect is None:
+        idle = self.there is not None and self.there.idle
+        if idle and chosen is not None:
             said.append(
                 f"{chosen.hypothesis.effects[0].name} cannot act in the other interaction, which says "
                 "nothing of it"
@@ -157,7 +158,8 @@ class Found:
                     f"{effect.name} does not shrink the error on held-out time: it fits, it does not foretell"
                 )
             other = None if self.there is None else self.there.closure
-            if other is not None and other.with_effect is not None and other.with_effect >= other.refit:
+            helps = other is None or other.with_effect is None or other.with_effect < other.refit
+            if not helps and not idle:
                 said.append(
                     f"{effect.name} does not shrink the error on the other interaction: doubt the verdict"
                 )

@@ -67,14 +67,16 @@ def test_without_a_gap_there_is_no_fraction(dragged, both):
     assert figures.closed_fraction_ci95 is None
 
 
-def test_what_cannot_act_in_another_recording_is_told_nothing_of(dragged, both):
+def test_what_cannot_act_in_another_recording_changes_nothing_there(dragged, both):
     plain, true = both
     elsewhere = transferred(dragged, dragged.observation)
     there = elsewhere.forecast(plain.hypothesis, plain.estimate.values)
     grounded = dragged.misfit.of(replace(true.hypothesis, effects=(StaticFriction(),)))
-    found = transfer(dragged, elsewhere, there, replace(true, misfit=grounded)).closure
-    assert (found.with_effect, found.closed_fraction) == (None, None)
-    assert found.refit == transfer(dragged, elsewhere, there).closure.refit
+    found = transfer(dragged, elsewhere, there, replace(true, misfit=grounded))
+    assert found.idle
+    assert (found.closure.with_effect, found.closure.closed_fraction) == (found.closure.refit, 0.0)
+    assert not transfer(dragged, elsewhere, there, true).idle
+    assert not transfer(dragged, elsewhere, there).idle
 
 
 def test_it_closes_on_another_recording_too(dragged, both, studied, hung):

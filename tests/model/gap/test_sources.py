@@ -94,5 +94,5 @@ def test_missing_physics_is_neither(pulled, studied):
 def test_errors_out_of_order_are_no_negative_shares(hung, studied, refit):
     study = studied(hung)
     odd = Closure(baseline=0.02 if refit else 0.0, refit=refit, noise_floor=0.05, heldout=((1.0, 2.0),))
-    found = sources(odd, study, study.base)
+    found = sources(odd, study, study.plain, study.base)
     assert found.perception == pytest.approx(1.0)
