@@ -55,6 +55,20 @@ def revoke(key_id: str, data_dir: Path) -> None:
 
 
 @contextmanager
+def api_keys_at(url: str, patience_s: float) -> Iterator[ApiKeys]:
+    """The keys in the Redis of an address.
+
+    Raises:
+        InputError: it is none, or no Redis answers there.
+    """
+    try:
+        with connect(url, patience_s) as client:
+            yield ApiKeys(client)
+    except RedisError as error:
+        raise InputError(f"REDIS_URL: Redis does not answer ({type(error).__name__})") from None
+
+
+@contextmanager
 def _api_keys(data_dir: Path) -> Iterator[ApiKeys]:
     """The keys in the Redis that REDIS_URL names, or that runs over the data folder, or rests in it."""
     url = os.environ.get("REDIS_URL") or running_address(data_dir / "redis")
@@ -62,8 +76,5 @@ def _api_keys(data_dir: Path) -> Iterator[ApiKeys]:
         with EmbeddedRedis(data_dir / "redis") as redis, connect(redis.url) as client:
             yield ApiKeys(client)
     else:
-        try:
-            with connect(url, patience_s=2.0) as client:
-                yield ApiKeys(client)
-        except RedisError as error:
-            raise InputError(f"REDIS_URL: Redis does not answer ({type(error).__name__})") from None
+        with api_keys_at(url, patience_s=2.0) as api_keys:
+            yield api_keys

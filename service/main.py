@@ -12,19 +12,16 @@ from pathlib import Path
 import click
 import uvicorn
 from fastapi import FastAPI
-from redis.exceptions import RedisError
 
 from model.errors import InputError
 from model.version import __version__
 from service.app import create_app
-from service.auth import ApiKeys
 from service.companions import Companions
 from service.connections import PromptProtocol
-from service.keys import keys
+from service.keys import api_keys_at, keys
 from service.logs import log_as_json
 from service.settings import DATA_DIR, Settings
 from worker.embedded import EmbeddedRedis
-from worker.queues import connect
 from worker.storage import Storage
 
 DONE, OUR_FAULT, BAD_INPUT = 0, 1, 2
@@ -120,11 +117,8 @@ def _serve(settings: Settings, listener: socket.socket, address: str, companions
     """Answer requests until a signal comes."""
     settings.data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
     Storage(settings.store_url)  # says now, in one line, what is wrong with it
-    try:
-        with connect(settings.redis_url, REDIS_PATIENCE) as client:
-            first_key = ApiKeys(client).create_first()
-    except RedisError as error:
-        raise InputError(f"REDIS_URL: Redis does not answer ({type(error).__name__})") from None
+    with api_keys_at(settings.redis_url, REDIS_PATIENCE) as api_keys:
+        first_key = api_keys.create_first()
     if first_key is not None:
         click.echo(f"API key: {first_key}")
     app = create_app(settings)

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -83,7 +83,13 @@ def tables(records: Sequence[Record], methods: Sequence[str], settings: Sequence
         _differences(of, settings),
         *(_classes(of, setting) for setting in settings if setting in _BY_CLASS),
     ]
-    made += [_parts(of), _globals(of), _global_coverage(of), _consistency(of), _cost(of)]
+    made += [
+        _parts(of),
+        _globals(of, "RMS error of the logarithm", _global_error),
+        _globals(of, "share of truths in the stated 90 % interval", global_coverage),
+        _consistency(of),
+        _cost(of),
+    ]
     return [table for table in made if any(cell.figure for _, cells, _ in table.rows for cell in cells)]
 
 
@@ -239,11 +245,13 @@ def _parts(of: dict[str, list[Record]]) -> Table:
     return Table(title, columns, tuple(rows), ("parts",))
 
 
-def _globals(of: dict[str, list[Record]]) -> Table:
-    title = "Parameters of the whole object: RMS error of the logarithm"
+def _globals(
+    of: dict[str, list[Record]], what: str, figure: Callable[[list[Record], str], Interval | None]
+) -> Table:
+    title = f"Parameters of the whole object: {what}"
     rows = []
     for name, records in of.items():
-        cells = tuple(Cell(title, name, each, _global_error(records, each), 2) for each in GLOBALS)
+        cells = tuple(Cell(title, name, each, figure(records, each), 2) for each in GLOBALS)
         rows.append((name, cells, ()))
     return Table(title, GLOBALS, tuple(rows))
 
@@ -257,15 +265,6 @@ def _global_error(records: Iterable[Record], name: str) -> Interval | None:
             groups.setdefault(record.object_name, []).append(float(np.log(ratio)) ** 2)
     ordered = [groups[key] for key in sorted(groups)]
     return interval(ordered, lambda chosen: float(np.sqrt(np.mean([np.mean(each) for each in chosen]))))
-
-
-def _global_coverage(of: dict[str, list[Record]]) -> Table:
-    title = "Parameters of the whole object: share of truths in the stated 90 % interval"
-    rows = []
-    for name, records in of.items():
-        cells = tuple(Cell(title, name, each, global_coverage(records, each), 2) for each in GLOBALS)
-        rows.append((name, cells, ()))
-    return Table(title, GLOBALS, tuple(rows))
 
 
 def _consistency(of: dict[str, list[Record]]) -> Table:

@@ -25,6 +25,7 @@ from model.predictor.calibration import calibrate
 from model.predictor.checkpoint import About, save_predictor
 from model.predictor.datamodule import CaseDataModule
 from model.predictor.module import Answers, PredictorModule
+from model.predictor.named import FILE
 from model.predictor.prediction_file import write_prediction
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -44,7 +45,6 @@ OTHER_NETWORK = "Error(s) in loading state_dict"
 """What torch says first of weights whose shapes are others."""
 NO_UNION = "Does not validate against any of the Union subtypes"
 """What jsonargparse says first where an object could not be made."""
-PREDICTOR = ".safetensors"
 QUIET = (
     ".*does not have many workers.*",  # examples are made in a millisecond
     ".*args parameter is intended to run from within Python.*",
@@ -212,16 +212,16 @@ class TrainingCLI(LightningCLI):
             )
         export = self._get(self.config, "export") if self.subcommand == "fit" else None
         if export is not None:
-            if Path(export).suffix != PREDICTOR:
+            if Path(export).suffix != FILE:
                 raise InputError(
-                    f"--export: {export}: expected a file NAME{PREDICTOR}: `matphys twin` reads no other"
+                    f"--export: {export}: expected a file NAME{FILE}: `matphys twin` reads no other"
                 )
             check_writable(Path(export))
         path = self._get(self.config, "ckpt_path")
         if path in NEWEST:
             path = _newest(Path(self._get(self.config, "out")), path)
             self.config[str(self.subcommand)].ckpt_path = str(path)
-        if path is not None and Path(path).suffix == PREDICTOR:
+        if path is not None and Path(path).suffix == FILE:
             raise InputError(f"ckpt_path: {path}: a predictor, not a checkpoint: give it as --model.start")
         if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
             raise InputError(

@@ -77,6 +77,16 @@ def load_case(path: Path) -> Case:
     return assemble(text, read_arrays(path, array_names()), path.name)
 
 
+def check_no_cases(folder: Path) -> None:
+    """Refuse a folder that has cases: an index is of those of one making.
+
+    Raises:
+        InputError: it has.
+    """
+    if folder.exists() and any(folder.glob(f"*{SUFFIX}")):
+        raise InputError(f"{folder}: has cases already: give an empty folder")
+
+
 def write_index(folder: Path, seed: int | None = None) -> CaseIndex:
     """Index every case of a folder, in the order of their names.
 

@@ -12,7 +12,7 @@ from model.errors import InputError
 from model.one_thread import one_thread
 from model.progress import StageReport
 from model.scenes.case import ObjectClass
-from model.scenes.files import SUFFIX, CaseIndex, save_case, write_index
+from model.scenes.files import SUFFIX, CaseIndex, check_no_cases, save_case, write_index
 from model.scenes.world.shapes import CLASSES
 
 FILMS = "films"
@@ -51,8 +51,7 @@ def generate(
     Raises:
         InputError: the folder has cases already, or cannot be written to.
     """
-    if folder.exists() and any(folder.glob(f"*{SUFFIX}")):
-        raise InputError(f"{folder}: has cases already: give an empty folder")
+    check_no_cases(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

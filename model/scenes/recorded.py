@@ -6,7 +6,7 @@ from pathlib import Path
 from model.errors import InputError
 from model.formats.files import check_writable
 from model.progress import StageReport
-from model.scenes.files import SUFFIX, CaseIndex, save_case, write_index
+from model.scenes.files import SUFFIX, CaseIndex, check_no_cases, save_case, write_index
 from model.scenes.phystwin_case import read_phystwin_case
 
 
@@ -26,8 +26,7 @@ def gather(
         InputError: the folder has cases already or cannot be written to, a recording is refused, or two have
             the same name.
     """
-    if folder.exists() and any(folder.glob(f"*{SUFFIX}")):
-        raise InputError(f"{folder}: has cases already: give an empty folder")
+    check_no_cases(folder)
     check_writable(folder / "index.json")
     cases = []
     for done, recording in enumerate(recordings, start=1):
