@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 from itertools import count
 from pathlib import Path
 
@@ -11,10 +10,9 @@ import pytest
 import torch
 import yaml
 
-from model.errors import InputError
 from model.predictor.checkpoint import load_predictor
 from model.predictor.held_out import HeldOut
-from model.predictor.main import _newest, main
+from model.predictor.main import main
 from model.predictor.module import PredictorModule
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -148,19 +146,6 @@ def test_the_best_was_validated(case_folder, tmp_path, monkeypatch):
     best = torch.load(tmp_path / "run-0" / "checkpoints" / "best.ckpt", weights_only=True)
     assert best["epoch"] + 1 == 4
     assert best["figures"]["val/loss"] == 1.0
-
-
-def test_last_and_best_are_those_of_the_run_that_was_written_to_last(tmp_path):
-    for number, name in enumerate(("run-0/checkpoints/best", "run-1/checkpoints/last", "run-2/metrics")):
-        path = tmp_path / f"{name}.ckpt"
-        path.parent.mkdir(parents=True)
-        path.touch()
-        os.utime(path, (100 - number, 100 - number))
-    with pytest.raises(InputError, match=r"last\.ckpt"):
-        _newest(tmp_path, "last")
-    assert _newest(tmp_path, "best") == tmp_path / "run-0" / "checkpoints" / "best.ckpt"
-    os.utime(tmp_path / "run-1" / "checkpoints" / "last.ckpt", (200, 200))
-    assert _newest(tmp_path, "last") == tmp_path / "run-1" / "checkpoints" / "last.ckpt"
 
 
 def test_a_named_checkpoint_is_really_gone_on_from(case_folder, tmp_path):

@@ -1,0 +1,154 @@
+"""`matphys fit`, `validate`, `test`, `predict`: Lightning's command line over our module and data."""
+
+from pathlib import Path
+from typing import Any
+
+from pytorch_lightning import Callback, LightningModule, Trainer
+from pytorch_lightning.callbacks import LearningRateMonitor
+from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
+from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
+
+from model.errors import InputError
+from model.formats.files import check_writable
+from model.predictor.epochs import (
+    CHECKPOINTS,
+    NEWEST,
+    KeepFigures,
+    every_epoch,
+    newest,
+    next_version,
+)
+from model.predictor.export import Export
+from model.predictor.module import Answers
+from model.predictor.named import FILE
+from model.predictor.prediction_file import write_prediction
+
+BEST = "val/loss"
+"""What the best checkpoint has least of."""
+PARALLEL = "ddp_find_unused_parameters_true"
+"""Epochs without rollouts, and rollouts that diverge, leave parameters without a gradient: a mistake to DDP,
+unless it is told."""
+
+
+class WriteParameters(Callback):
+    """`predict`: two files per case, see `write_prediction`."""
+
+    def __init__(self, folder: Path) -> None:
+        """Into this folder."""
+        self._folder, self._count = folder, 0
+
+    def on_predict_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: Any,  # noqa: ANN401 - what predict_step returned
+        batch: Any,  # noqa: ANN401
+        batch_idx: int,
+        dataloader_idx: int = 0,
+    ) -> None:
+        """Write a batch."""
+        assert isinstance(outputs, Answers)
+        for name, parameters, prediction in outputs.cases:
+            write_prediction(self._folder, name, parameters, prediction)
+            self._count += 1
+
+    def on_predict_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Say what was written."""
+        print(f"wrote {self._count} predictions to {self._folder}")  # noqa: T201 - the answer of the command
+
+
+class TrainingCLI(LightningCLI):
+    """Options of module, data and trainer, of the file `--config`; widths follow from the encoder."""
+
+    def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
+        """What is neither the module's, nor the data's, nor the trainer's."""
+        for name in ("motion_dim", "motion_global_dim"):
+            parser.link_arguments(f"data.{name}", f"model.{name}", apply_on="instantiate")
+        parser.add_argument(
+            "--out",
+            type=Path,
+            default=Path("out/predictor"),
+            help="Folder of logs and checkpoints, or of what is predicted.",
+        )
+        parser.add_argument(
+            "--export",
+            type=Path | None,
+            default=None,
+            help="Where the trained predictor goes; null: predictor.safetensors beside the logs.",
+        )
+
+    def before_instantiate_classes(self) -> None:
+        """Refuse early what can only fail later.
+
+        Raises:
+            InputError: there is no such checkpoint, it is none, there is no network that was trained, or what
+                is exported cannot be written.
+        """
+        epochs = self._get(self.config, "trainer.max_epochs")
+        if epochs is not None and epochs < 0:
+            raise InputError(
+                f"trainer.max_epochs is {epochs}: expected 0 or more: the learning rate falls, and rollouts "
+                "grow, over a number of epochs that is known"
+            )
+        export = self._get(self.config, "export") if self.subcommand == "fit" else None
+        if export is not None:
+            if Path(export).suffix != FILE:
+                raise InputError(
+                    f"--export: {export}: expected a file NAME{FILE}: `matphys twin` reads no other"
+                )
+            check_writable(Path(export))
+        path = self._get(self.config, "ckpt_path")
+        if path in NEWEST:
+            path = newest(Path(self._get(self.config, "out")), path)
+            self.config[str(self.subcommand)].ckpt_path = str(path)
+        if path is not None and Path(path).suffix == FILE:
+            raise InputError(f"ckpt_path: {path}: a predictor, not a checkpoint: give it as --model.start")
+        if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
+            raise InputError(
+                f"{self.subcommand}: no network that was trained: "
+                "give --model.start FILE.safetensors or --ckpt_path FILE.ckpt, which `fit` writes"
+            )
+        if path is not None and not Path(path).is_file():
+            raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
+
+    def instantiate_trainer(self, **kwargs: Any) -> Trainer:  # noqa: ANN401 - Lightning's own signature
+        """With logs, checkpoints and exports in `--out`."""
+        out = self._get(self.config_init, "out")
+        callbacks: list[Callback] = []
+        if self.subcommand == "fit":
+            board = TensorBoardLogger(out, name="", version=next_version(out))
+            kwargs["logger"] = [board, CSVLogger(out, name="", version=board.version)]
+            checkpoints = self._checkpoints(Path(board.log_dir))
+            callbacks = [
+                KeepFigures(),
+                every_epoch(checkpoints, "best", BEST),  # before the last, which remembers it
+                every_epoch(checkpoints, "last"),
+                LearningRateMonitor("epoch"),
+                Export(self._get(self.config_init, "export"), self._written()),
+            ]
+        else:
+            kwargs["logger"] = kwargs["enable_checkpointing"] = False
+            callbacks = [WriteParameters(out)] if self.subcommand == "predict" else []
+        self.trainer_defaults["callbacks"] = callbacks
+        if self._in_parallel():
+            kwargs["strategy"] = PARALLEL
+        trainer = super().instantiate_trainer(default_root_dir=out, **kwargs)
+        return trainer
+
+    def _in_parallel(self) -> bool:
+        """Whether several processes train the same network, each on its own cases."""
+        strategy, devices, nodes = (
+            self._get(self.config_init, f"trainer.{name}") for name in ("strategy", "devices", "num_nodes")
+        )
+        return strategy == "ddp" or (strategy == "auto" and (str(devices), nodes) != ("1", 1))
+
+    def _checkpoints(self, run: Path) -> Path:
+        """Of a run of its own; of the run that goes on, which knows its best one so far."""
+        before = self._get(self.config, "ckpt_path")
+        if before is not None and Path(before).parent.name == CHECKPOINTS:
+            return Path(before).parent.absolute()
+        return (run / CHECKPOINTS).absolute()
+
+    def _written(self) -> str:
+        """The configuration as a file that trains the same again."""
+        return str(self._parser(self.subcommand).dump(self.config[str(self.subcommand)], skip_none=True))
