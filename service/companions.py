@@ -66,7 +66,12 @@ class Companions:
                         "the worker has ended (%d) and is started again", code, extra={"child": "worker"}
                     )
                     await asyncio.sleep(pause)
-                self._worker, started = self._start_worker(), clock()
+                try:
+                    self._worker, started = self._start_worker(), clock()
+                except (OSError, subprocess.SubprocessError) as error:
+                    self._worker = None
+                    log.error("the worker cannot be started: %s", error, extra={"child": "worker"})
+                    await asyncio.sleep(1.0)
             await asyncio.sleep(LOOK_SECONDS)
 
     def stop(self) -> None:

@@ -6,7 +6,8 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 HEAD_SECONDS = 15.0
-"""How long the head of a request may take to arrive [s], from the connection or from its first byte."""
+"""How long the head of a request may take to arrive [s], from the connection or from its first byte; and the
+rest of a body that has been answered already."""
 
 
 class PromptProtocol(H11Protocol):
@@ -24,9 +25,9 @@ class PromptProtocol(H11Protocol):
         self._wait()
 
     def data_received(self, data: bytes) -> None:
-        """Wait on when this was a part of a head."""
+        """Wait on when this was a part of a head, or of what nobody wants any more."""
         super().data_received(data)
-        if self.conn.their_state is h11.IDLE:
+        if self._nobody_listens():
             self._wait()
         else:
             self._wait_no_more()
@@ -47,5 +48,10 @@ class PromptProtocol(H11Protocol):
 
     def _hang_up(self) -> None:
         self._patience = None
-        if self.conn.their_state is h11.IDLE:
+        if self._nobody_listens():
             self.transport.close()
+
+    def _nobody_listens(self) -> bool:
+        """Whether there is no request yet, or an answer to it before all of its body has come."""
+        theirs = self.conn.their_state
+        return theirs is h11.IDLE or (theirs is h11.SEND_BODY and self.conn.our_state is h11.DONE)

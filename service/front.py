@@ -8,7 +8,7 @@ from redis import Redis
 from redis.asyncio import Redis as AsyncRedis
 
 from service.auth import ApiKeys
-from service.followers import Followers
+from service.followers import MOST, Followers
 from service.health import Readiness
 from service.limits import RateLimits
 from service.metrics import Metrics
@@ -22,6 +22,8 @@ from worker.storage import Storage
 
 PATIENCE_SECONDS = 2.0
 """How long a request waits for a Redis that is away before it is told to come back."""
+SPARE_CONNECTIONS = 50
+"""To Redis, beyond one for each stream of events: some have ended and are not known to have yet."""
 STREAM_SECONDS = 10.0
 """After which a Redis that does not answer a stream of events is asked anew; it owes one every 2 s."""
 
@@ -63,6 +65,7 @@ class Front:
             async_redis=AsyncRedis.from_url(
                 settings.redis_url,
                 decode_responses=True,
+                max_connections=MOST + SPARE_CONNECTIONS,
                 socket_timeout=STREAM_SECONDS,
                 socket_connect_timeout=PATIENCE_SECONDS,
             ),

@@ -38,7 +38,7 @@ def create(name: str, scopes: tuple[Scope, ...], tenant: str, data_dir: Path) ->
 @DATA_DIR
 def list_keys(data_dir: Path) -> None:
     """Print id, tenant, scopes, name and time of every key."""
-    with _api_keys(data_dir) as api_keys:
+    with _api_keys(_used(data_dir)) as api_keys:
         for key in api_keys.list():
             click.echo(f"{key.id}  {key.tenant}  {','.join(key.scopes)}  {key.name}  {key.created_at}")
 
@@ -48,7 +48,7 @@ def list_keys(data_dir: Path) -> None:
 @DATA_DIR
 def revoke(key_id: str, data_dir: Path) -> None:
     """Revoke the key with the ID that `list` shows, from the next request on."""
-    with _api_keys(data_dir) as api_keys:
+    with _api_keys(_used(data_dir)) as api_keys:
         if not api_keys.revoke(key_id):
             raise InputError(f"there is no key {key_id}: `matphys-serve keys list` shows them")
     click.echo(f"revoked {key_id}")
@@ -66,6 +66,17 @@ def api_keys_at(url: str, patience_s: float) -> Iterator[ApiKeys]:
             yield ApiKeys(client)
     except RedisError as error:
         raise InputError(f"REDIS_URL: Redis does not answer ({type(error).__name__})") from None
+
+
+def _used(data_dir: Path) -> Path:
+    """A folder that a service has been in.
+
+    Raises:
+        InputError: none has, so there are no keys.
+    """
+    if not os.environ.get("REDIS_URL") and not (data_dir / "redis").is_dir():
+        raise InputError(f"--data-dir {data_dir}: no service has run here, so there are no keys")
+    return data_dir
 
 
 @contextmanager

@@ -11,6 +11,8 @@ import click
 from model.errors import InputError
 
 MEBIBYTE = 1 << 20
+LONGEST_KEPT = 1_000_000
+"""Hours that a job may be kept: a century; what ends much later has no date."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +31,9 @@ class Settings:
     max_upload_mib: int = 512
     """Of one request, all of its files together."""
     max_jobs: int = 1000
-    """Waiting, of all tenants; beyond it: 503."""
+    """Waiting in one queue, of all tenants; beyond it: 503."""
     max_jobs_per_tenant: int = 100
-    """Waiting; beyond it: 429."""
+    """Of one kind, waiting and running; beyond it: 429."""
     submissions_per_minute: int = 120
     """Of one key."""
     requests_per_minute: int = 6000
@@ -83,6 +85,11 @@ class Settings:
             for each in fields(cls)
             if each.type in (int, float) and (name := f"MATPHYS_{each.name.upper()}") in environment
         }
+        kept = numbers.get("retention_hours", cls.retention_hours)
+        if kept > LONGEST_KEPT:
+            raise InputError(
+                f"MATPHYS_RETENTION_HOURS={environment['MATPHYS_RETENTION_HOURS']}: at most {LONGEST_KEPT}"
+            )
         level = environment.get("MATPHYS_LOG_LEVEL", cls.log_level).upper()
         if level not in ("DEBUG", "INFO", "WARNING", "ERROR"):
             raise InputError(f"MATPHYS_LOG_LEVEL={level}: choose DEBUG, INFO, WARNING or ERROR")
@@ -106,8 +113,18 @@ def default_data_dir() -> Path:
     return (Path(home) if home else Path.home() / ".local" / "share") / "matphys"
 
 
+def _said_before(context: click.Context, parameter: click.Parameter, value: Path) -> Path:
+    """The folder that was named before the command, as in `matphys-serve --data-dir X keys list`."""
+    source = context.get_parameter_source(str(parameter.name))
+    named = source is click.core.ParameterSource.COMMANDLINE
+    if context.obj is None and named:
+        context.obj = value
+    return value if named or not isinstance(context.obj, Path) else context.obj
+
+
 DATA_DIR = click.option(
     "--data-dir",
+    callback=_said_before,
     type=click.Path(file_okay=False, path_type=Path),
     envvar="MATPHYS_DATA_DIR",
     default=default_data_dir,

@@ -17,7 +17,7 @@ from typing import Final
 from redis import RedisError
 
 from model.errors import InputError
-from worker.kinds import Kind, Postponed, Run
+from worker.kinds import Kind, OutOfTimeError, Postponed, Run
 from worker.progress import Progress
 from worker.queues import connect
 from worker.record import JobError, JobRecord, files_prefix
@@ -53,10 +53,6 @@ TOO_SLOW: Final = JobError(
     title="The job takes longer than it may",
     detail="try a shorter clip, fewer pixels or fewer points",
 )
-
-
-class OutOfTimeError(BaseException):
-    """The job takes too long; not an Exception, so that nothing on the way up takes it for its own."""
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ import redis.exceptions
 from redis import Redis
 
 from worker.record import FINAL
+from worker.scripts import Scripts
 
 LOG_LINES = 2000
 """Newest lines kept of a job's log."""
@@ -56,6 +57,7 @@ class Progress:
     def __init__(self, redis: "Redis") -> None:
         """See the class."""
         self._redis = redis
+        self._run = Scripts(redis)
 
     def read(self, job_id: str, after: str = BEGINNING) -> Sequence[Event]:
         """The events after the one with the id `after`."""
@@ -84,14 +86,11 @@ class Progress:
                 yield None
 
     def log(self, job_id: str, lines: Sequence[str]) -> None:
-        """Append lines to the job's log; the oldest give way."""
+        """Append lines to the job's log; the oldest give way. That of a job that is gone stays gone."""
         if not lines:
             return
-        key = f"matphys:log:{job_id}"
-        with self._redis.pipeline() as pipeline:
-            pipeline.rpush(key, *(" ".join(line[:LINE_LENGTH].splitlines()) for line in lines))
-            pipeline.ltrim(key, -LOG_LINES, -1)
-            pipeline.execute()
+        short = [" ".join(line[:LINE_LENGTH].splitlines()) for line in lines]
+        self._run("log", job_id, LOG_LINES, *short)
 
     def read_log(self, job_id: str) -> Sequence[str]:
         """The lines of the job's log."""

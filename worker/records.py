@@ -229,11 +229,20 @@ class Records:
         return self._redis.zcard("matphys:running")
 
     def expire(self) -> int:
-        """Delete the jobs whose time is over (their files go with the next `garbage`); gives how many."""
+        """Delete the jobs whose time is over (their files go with the next `garbage`); gives how many.
+
+        One from which another is being made waits for that one.
+        """
         ids = cast("list[str]", self._redis.zrangebyscore("matphys:expiry", "-inf", self._now(), 0, PAGE))
+        gone = 0
         for job_id in ids:
-            self.delete(job_id)
-        return len(ids)
+            children = self._run.settled("expire", job_id)
+            if children is None:
+                continue
+            gone += 1
+            for child in children:
+                self.delete(child)
+        return gone
 
     def garbage(self) -> Sequence[str]:
         """Prefixes in the store that nobody needs any more."""

@@ -18,6 +18,8 @@ NAMES: Final = (
     "reap",
     "cancel",
     "delete",
+    "expire",
+    "log",
 )
 
 

@@ -5,12 +5,14 @@ reads it reads all of it, whoever writes it second is refused.
 """
 
 import hashlib
+import mmap
 import os
 import re
 import shutil
 import time
 import uuid
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,7 +29,13 @@ if TYPE_CHECKING:
     from obstore.store import ClientConfig, RetryConfig
 
 CHUNK = 1 << 20
+FETCHED = 8 * CHUNK
+"""Bytes that are asked for at once where nobody waits to read them."""
 PATIENCE_S = 20.0
+SILENCE_S, LONGEST_S = 30.0, 3600.0
+"""How long a bucket may take for what is small, and for a file that may be large and the way slow [s]."""
+SMALL = 8 * CHUNK
+"""Bytes that anybody's line carries within `SILENCE_S`."""
 KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*(/[A-Za-z0-9][A-Za-z0-9._-]*)*")
 
 
@@ -55,7 +63,8 @@ class Storage:
 
     def __init__(self, url: str, patience_s: float = PATIENCE_S) -> None:
         """See the class."""
-        self._store, self._folder = _open(url, patience_s)
+        self._store, self._folder = _open(url, patience_s, SILENCE_S)
+        self._slow = self._store if self._folder is not None else _open(url, patience_s, LONGEST_S)[0]
 
     def publish(self, key: str, path: Path) -> JobFile:
         """Store the file at `path` under `key`, whole or not at all, and say what was stored.
@@ -69,15 +78,17 @@ class Storage:
         _check(key)
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
+        size = path.stat().st_size
         try:
-            obstore.put(self._store, key, path, mode="create")
+            with _mapped(path) as content:
+                obstore.put(self._store if size <= SMALL else self._slow, key, content, mode="create")
             self._sync(key)
         except AlreadyExistsError:
             if not self._holds(key, digest):
                 raise Exists(key) from None
         except (BaseError, OSError) as error:
             raise StorageError(_reason(error)) from error
-        return JobFile(name=key.rpartition("/")[2], bytes=path.stat().st_size, sha256=digest, key=key)
+        return JobFile(name=key.rpartition("/")[2], bytes=size, sha256=digest, key=key)
 
     def fetch(self, key: str, path: Path) -> None:
         """Write what is stored under `key` to the file `path`.
@@ -86,7 +97,7 @@ class Storage:
             StorageError: there is no such key, or the store is unreachable.
         """
         with path.open("wb") as file:
-            for chunk in self.stream(key):
+            for chunk in self._pieces(key, 0, None, FETCHED):
                 file.write(chunk)
 
     def size(self, key: str) -> int | None:
@@ -101,20 +112,21 @@ class Storage:
     def stream(self, key: str, start: int = 0, end: int | None = None) -> Iterator[bytes]:
         """The bytes `start` to `end` (exclusive; None: the last) of what is stored under `key`, in pieces.
 
+        Each is asked for by itself when it is wanted: a reader may be as slow as it likes.
+
         Raises:
             StorageError: there is no such key, or the store is unreachable.
         """
+        return self._pieces(key, start, end, CHUNK)
+
+    def _pieces(self, key: str, start: int, end: int | None, length: int) -> Iterator[bytes]:
         size = self.size(key)
         if size is None:
             raise StorageError(f"{key} is not stored")
         end = size if end is None else min(end, size)
         try:
-            if start == 0 and end == size:
-                for chunk in obstore.get(self._store, key).stream(min_chunk_size=CHUNK):
-                    yield bytes(chunk)
-            else:
-                for at in range(start, end, CHUNK):
-                    yield bytes(obstore.get_range(self._store, key, start=at, end=min(at + CHUNK, end)))
+            for at in range(start, end, length):
+                yield bytes(obstore.get_range(self._store, key, start=at, end=min(at + length, end)))
         except (BaseError, OSError) as error:
             raise StorageError(_reason(error)) from error
 
@@ -180,7 +192,18 @@ class Storage:
                     os.close(descriptor)
 
 
-def _open(url: str, patience_s: float) -> tuple[ObjectStore, Path | None]:
+@contextmanager
+def _mapped(path: Path) -> Iterator[bytes | mmap.mmap]:
+    """What is in a file, without holding it in memory: a file to be created is sent in one piece."""
+    with path.open("rb") as file:
+        if not os.fstat(file.fileno()).st_size:  # nothing cannot be mapped
+            yield b""
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            yield content
+
+
+def _open(url: str, patience_s: float, longest_s: float) -> tuple[ObjectStore, Path | None]:
     parts = urlsplit(url)
     if parts.scheme == "file" and not parts.netloc:
         folder = Path(unquote(parts.path))
@@ -191,7 +214,11 @@ def _open(url: str, patience_s: float) -> tuple[ObjectStore, Path | None]:
         return LocalStore(folder), folder
     if parts.scheme == "s3" and parts.netloc:
         plain = os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")
-        settings: ClientConfig = {"allow_http": plain, "timeout": "30s", "connect_timeout": "5s"}
+        settings: ClientConfig = {
+            "allow_http": plain,
+            "timeout": timedelta(seconds=longest_s),
+            "connect_timeout": "5s",
+        }
         retries: RetryConfig = {"max_retries": 10, "retry_timeout": timedelta(seconds=patience_s)}
         return from_url(url, client_options=settings, retry_config=retries), None
     raise InputError(f"{url}: expected file:///FOLDER or s3://BUCKET/PREFIX")

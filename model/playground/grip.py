@@ -22,7 +22,7 @@ SIGHT = 2.5
 """How far beside the line of sight a point may lie to be meant, in lengths of a spring."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # arrays have no one answer to whether they are equal
 class Grip:
     """A control point: rides along on the object, or holds it where the user has it."""
 

@@ -48,6 +48,13 @@ def test_who_asks_byte_by_byte_is_hung_up_on(prompt, first):
     assert 0.4 < seconds_until_hung_up(prompt.url, first, b"X-Slow: " + 30 * b"a") < 2.5
 
 
+def test_who_is_answered_and_sends_on_is_hung_up_on(prompt):
+    """A body that nobody asked for, and that of a request without a key: one more byte holds nothing open."""
+    head = b"POST /twins HTTP/1.1\r\nHost: x\r\nContent-Type: video/mp4\r\nContent-Length: 1000000\r\n\r\n"
+    for first in (KEPT.replace(b"\r\n\r\n", b"\r\nContent-Length: 1000000\r\n\r\n"), head):
+        assert seconds_until_hung_up(prompt.url, first, b"a") < 2.5
+
+
 def test_an_answer_that_takes_long_is_not_cut(prompt, http, clip):
     twin = http.post("/twins", content=clip, headers={"Content-Type": "video/mp4"}).headers["Location"]
     with pytest.raises(httpx.ReadTimeout), http.stream("GET", f"{twin}/events", timeout=1.5) as stream:

@@ -42,6 +42,26 @@ def test_keys_are_made_while_the_service_runs(run, tmp_path):
     assert key.tenant == "default"
 
 
+def test_a_folder_named_before_the_command_is_meant(capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("MATPHYS_DATA_DIR", str(tmp_path / "usual"))
+    monkeypatch.delenv("REDIS_URL", raising=False)
+    mine, other = str(tmp_path / "mine"), str(tmp_path / "other")
+    assert main(["--data-dir", mine, "keys", "create", "laptop"]) == 0
+    assert not (tmp_path / "usual").exists()
+    capsys.readouterr()
+    assert main(["--data-dir", other, "keys", "list", "--data-dir", mine]) == 0
+    assert "laptop" in capsys.readouterr().out
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize("arguments", [("list",), ("revoke", "000000000000")])
+def test_a_folder_in_which_no_service_was_stays_as_it_is(run, tmp_path, arguments):
+    code, _, err = run(*arguments, "--data-dir", str(tmp_path / "mistyped"))
+    assert code == 2
+    assert "no service has run here" in err
+    assert not (tmp_path / "mistyped").exists()
+
+
 def test_keys_of_a_service_elsewhere(run, redis_url, monkeypatch):
     monkeypatch.setenv("REDIS_URL", redis_url)
     _, out, _ = run("create", "laptop")
@@ -64,7 +84,6 @@ def test_an_address_without_a_redis_is_one_line(run, monkeypatch, address, words
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("revoke", "000000000000"), "there is no key 000000000000"),
         (("create", "a b"), "name 'a b'"),
         (("create", "a", "--tenant", "x:y"), "tenant 'x:y'"),
         (("create", "a", "--scope", "root"), "root"),
@@ -76,3 +95,10 @@ def test_what_makes_no_sense_is_one_line(run, arguments, words):
     assert code == 2
     assert words in err
     assert err.count("\n") == 1
+
+
+def test_a_key_that_is_not_there_cannot_be_revoked(run):
+    assert run("create", "laptop")[0] == 0
+    code, _, err = run("revoke", "000000000000")
+    assert code == 2
+    assert "there is no key 000000000000" in err

@@ -32,6 +32,12 @@ def test_a_number_that_makes_no_sense_is_named(value):
         settings({"MATPHYS_MAX_JOBS": value})
 
 
+def test_jobs_are_not_kept_beyond_all_dates():
+    assert settings({"MATPHYS_RETENTION_HOURS": "1000000"}).retention_hours == 1e6
+    with pytest.raises(InputError, match="MATPHYS_RETENTION_HOURS=1e8: at most 1000000"):
+        settings({"MATPHYS_RETENTION_HOURS": "1e8"})
+
+
 def test_a_password_is_not_shown():
     assert "s3cret" not in repr(settings({}))
 

@@ -96,20 +96,30 @@ def test_events_are_trimmed(records, progress, client, running):
     assert 500 < len(progress.read(record.id)) < 800
 
 
-def test_logs_keep_the_newest_lines_and_no_endless_ones(progress, client):
-    progress.log("job", [f"line {number}" for number in range(LOG_LINES + 5)])
-    progress.log("job", [])
-    progress.log("job", ["x" * 10_000])
-    lines = progress.read_log("job")
+def test_logs_keep_the_newest_lines_and_no_endless_ones(progress, running):
+    job = running[0].id
+    progress.log(job, [f"line {number}" for number in range(LOG_LINES + 5)])
+    progress.log(job, [])
+    progress.log(job, ["x" * 10_000])
+    lines = progress.read_log(job)
     assert len(lines) == LOG_LINES
     assert lines[0] == "line 6"
     assert lines[-1] == "x" * LINE_LENGTH
     assert progress.read_log("nowhere") == []
 
 
-def test_what_is_logged_stays_on_its_line(progress):
-    progress.log("job", ["a file called a.mp4\r\n2026-11-21T16:00:00Z published", "next"])
-    assert progress.read_log("job") == ["a file called a.mp4 2026-11-21T16:00:00Z published", "next"]
+def test_a_job_that_was_deleted_gets_no_log_back(records, progress, client, running):
+    job = running[0].id
+    progress.log(job, ["begins"])
+    records.delete(job)
+    progress.log(job, ["segmentation begins"])
+    assert not client.exists(f"matphys:log:{job}")
+
+
+def test_what_is_logged_stays_on_its_line(progress, running):
+    job = running[0].id
+    progress.log(job, ["a file called a.mp4\r\n2026-11-21T16:00:00Z published", "next"])
+    assert progress.read_log(job) == ["a file called a.mp4 2026-11-21T16:00:00Z published", "next"]
 
 
 def test_a_wait_without_events_takes_its_time(progress, monkeypatch, records, errand):

@@ -278,6 +278,24 @@ def test_a_job_is_kept_as_long_as_what_is_made_of_it(records, client, errand, ev
     assert records.get(child.id).status == "succeeded"
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_what_is_being_made_of_a_job_keeps_it_however_long_that_takes(records, client, errand, begun):
+    parent, child = errand(keep_s=1.0), None
+    records.create(parent)
+    records.succeed(parent.id, begin(records, parent), [FILE], {})
+    child = errand(parent=parent.id, keep_s=1.0)
+    records.create(child)
+    attempt = begin(records, child) if begun else None
+    client.zadd("matphys:expiry", {parent.id: 1.0})
+    assert records.expire() == 0
+    assert records.get(parent.id) is not None
+    assert records.get(child.id).status == ("running" if begun else "queued")
+    records.fail(child.id, attempt or begin(records, child), ERROR)
+    client.zadd("matphys:expiry", {parent.id: 1.0})
+    assert records.expire() == 1
+    assert records.get(parent.id) is records.get(child.id) is None
+
+
 def test_reserved_files_are_swept_unless_a_job_claims_them(records, client, errand):
     claimed, orphan = errand(), errand()
     records.reserve(claimed.id)

@@ -1,7 +1,11 @@
 import os
 import shutil
+import socket
 import subprocess
+import sys
 import threading
+import time
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 
 import httpx
@@ -9,9 +13,60 @@ import pytest
 from moto.server import ThreadedMotoServer
 
 from model.errors import InputError
+from worker import storage
 from worker.storage import Exists, Storage, StorageError
 
 CONTENT = os.urandom(2_500_000)
+PUBLISH = """
+import sys
+from pathlib import Path
+from threading import Thread
+from worker.storage import Storage
+
+def anonymous():
+    return int(next(line for line in open("/proc/self/status") if line.startswith("RssAnon")).split()[1])
+
+small = Path(sys.argv[2]).with_name("small")
+small.write_bytes(b"a")
+store = Storage(sys.argv[1])
+store.publish("jobs/a/1/small", small)
+before = most = anonymous()
+work = Thread(target=store.publish, args=("jobs/a/1/x", Path(sys.argv[2])))
+work.start()
+while work.is_alive():
+    most = max(most, anonymous())
+print(most - before)
+"""
+"""Says how much memory [kB] is needed beyond that of a small file, as the kernel counts what is no file's."""
+
+
+@contextmanager
+def slow_bucket(bytes_per_second):
+    """Takes what is put, at a pace, and answers that it has."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    threading.Thread(target=_take, args=(listener, bytes_per_second), daemon=True).start()
+    yield f"http://127.0.0.1:{listener.getsockname()[1]}"
+    listener.close()
+
+
+def _take(listener, bytes_per_second):
+    while True:
+        try:
+            connection, _ = listener.accept()
+        except OSError:
+            return
+        with connection, suppress(OSError):
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 65536)
+            head, _, body = connection.recv(65536).partition(b"\r\n\r\n")
+            lines = [line.partition(b":") for line in head.lower().split(b"\r\n")]
+            missing = next(int(size) for name, _, size in lines if name == b"content-length") - len(body)
+            while missing > 0:
+                piece = connection.recv(65536)
+                if not piece:
+                    break
+                missing -= len(piece)
+                time.sleep(len(piece) / bytes_per_second)
+            connection.sendall(b'HTTP/1.1 200 OK\r\nETag: "x"\r\nContent-Length: 0\r\n\r\n')
 
 
 @pytest.fixture(scope="session")
@@ -57,6 +112,51 @@ def test_what_is_published_comes_back(store, source, tmp_path):
 def test_parts_come_back(store, source, start, end):
     store.publish("jobs/a/1/twin.zip", source)
     assert b"".join(store.stream("jobs/a/1/twin.zip", start, end)) == CONTENT[start:end]
+
+
+def test_nothing_can_be_stored_too(store, tmp_path):
+    (tmp_path / "empty").touch()
+    assert store.publish("jobs/a/1/log", tmp_path / "empty").bytes == 0
+    assert b"".join(store.stream("jobs/a/1/log")) == b""
+
+
+def test_a_reader_may_be_slow(store, source, monkeypatch, tmp_path):
+    """Slower than a bucket may be: what is read is asked for piece by piece."""
+    store.publish("jobs/a/1/twin.zip", source)
+    monkeypatch.setattr(storage, "SILENCE_S", 0.3)
+    patient = Storage(f"s3://twins/{tmp_path.name}") if store._folder is None else store
+    read = []
+    for piece in patient.stream("jobs/a/1/twin.zip"):
+        read.append(piece)
+        time.sleep(0.2)
+    assert b"".join(read) == CONTENT
+
+
+def test_a_large_file_may_take_its_time_to_a_bucket(tmp_path, monkeypatch):
+    """Longer than small ones may: the line to it is what it is."""
+    path = tmp_path / "large"
+    path.write_bytes(bytes(3_000_000))
+    with slow_bucket(bytes_per_second=3_000_000) as address:
+        for name, value in {"ENDPOINT_URL": address, "ACCESS_KEY_ID": "k", "SECRET_ACCESS_KEY": "s"}.items():
+            monkeypatch.setenv(f"AWS_{name}", value)
+        monkeypatch.setattr(storage, "SILENCE_S", 0.5)
+        with pytest.raises(StorageError):
+            Storage("s3://twins/x", patience_s=0.1).publish("jobs/a/1/x", path)
+        monkeypatch.setattr(storage, "SMALL", 1_000_000)
+        assert Storage("s3://twins/x", patience_s=0.1).publish("jobs/a/1/x", path).bytes == 3_000_000
+
+
+def test_what_is_stored_is_not_held_in_memory(tmp_path):
+    """An upload may be half a gigabyte, and several come at once."""
+    path = tmp_path / "large"
+    path.write_bytes(bytes(64 << 20))
+    said = subprocess.run(
+        [sys.executable, "-c", PUBLISH, f"file://{tmp_path}/store", path],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert int(said.stdout) < 16 << 10, "kB beyond what the process had"
 
 
 def test_the_first_who_publishes_wins(store, source, tmp_path):

@@ -40,7 +40,12 @@ def _numbers(value: Any, depth: int) -> bool:  # noqa: ANN401 - whatever JSON ca
     if isinstance(value, list | dict):
         entries = list(value.values()) if isinstance(value, dict) else value
         return depth > 0 and 0 < len(entries) <= 9 and all(_numbers(each, depth - 1) for each in entries)
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(float(value))
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond all floats
+        return False
 
 
 def _refuse(name: str) -> NoReturn:

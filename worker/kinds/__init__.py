@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from worker.kinds.base import Input, Kind, Outcome, Postponed, Run
+from worker.kinds.base import Input, Kind, Outcome, OutOfTimeError, Postponed, Run
 from worker.kinds.diagnosis import DiagnosisKind
 from worker.kinds.export import ExportKind
 from worker.kinds.twin import TwinKind
@@ -10,7 +10,7 @@ from worker.kinds.webhook import WebhookKind
 
 ALL_KINDS: tuple[Kind, ...] = (TwinKind(), ExportKind(), DiagnosisKind(), WebhookKind())
 
-__all__ = ["ALL_KINDS", "Input", "Kind", "Outcome", "Postponed", "Run", "kind_called"]
+__all__ = ["ALL_KINDS", "Input", "Kind", "OutOfTimeError", "Outcome", "Postponed", "Run", "kind_called"]
 
 
 def kind_called(name: str, kinds: Iterable[Kind] = ALL_KINDS) -> Kind:

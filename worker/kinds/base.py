@@ -66,6 +66,10 @@ class Outcome:
     metrics: Mapping[str, JsonValue] | None = None
 
 
+class OutOfTimeError(BaseException):
+    """The job takes too long; not an Exception, so that nothing on the way up takes it for its own."""
+
+
 class Postponed(Exception):
     """It cannot be done now, and nobody is to blame: try again later."""
 

@@ -6,7 +6,7 @@ from typing import ClassVar, Final
 from pydantic import BaseModel
 
 from model.errors import InputError
-from worker.kinds.base import GIBIBYTE, Kind, Outcome, Postponed, Run
+from worker.kinds.base import GIBIBYTE, Kind, Outcome, OutOfTimeError, Postponed, Run
 from worker.record import JobRecord
 from worker.webhooks import Undelivered
 
@@ -24,7 +24,8 @@ class WebhookKind(Kind):
     name: ClassVar[str] = "webhook"
     queue: ClassVar[str] = "webhooks"
     options: ClassVar[type[BaseModel]] = NoOptions
-    limit_s: ClassVar[float] = 30.0  # twice the patience of `worker.webhooks`: a receiver that drips is cut
+    # twice the patience of `worker.webhooks`: one that drips is tried again, like one that is silent
+    limit_s: ClassVar[float] = 30.0
     memory_bytes: ClassVar[int] = GIBIBYTE
 
     def run(self, run: Run) -> Outcome:
@@ -34,10 +35,11 @@ class WebhookKind(Kind):
         tries = run.attempt - run.record.crashes
         try:
             run.send(run.parent.webhook, run.record.id, message(run.parent))
-        except Undelivered as error:
+        except (Undelivered, OutOfTimeError) as error:
+            problem = error if isinstance(error, Undelivered) else "the answer took too long"
             if tries > len(PAUSES_S):
-                raise InputError(f"webhook: gave up after {tries} tries: {error}") from None
-            run.log(f"webhook: try {tries}: {error}")
+                raise InputError(f"webhook: gave up after {tries} tries: {problem}") from None
+            run.log(f"webhook: try {tries}: {problem}")
             raise Postponed(PAUSES_S[tries - 1]) from None
         return Outcome()
 

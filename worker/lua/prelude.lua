@@ -58,6 +58,24 @@ local function forget_digest(id)
   if redis.call('GET', key) == id then redis.call('DEL', key) end
 end
 
+-- A job and what is kept of it go; its files wait for the sweep. → ids of its children
+local function forget(id)
+  local children = redis.call('SMEMBERS', P .. 'children:' .. id)
+  if redis.call('EXISTS', job(id)) == 1 then
+    local kind, tenant = get(id, 'kind'), get(id, 'tenant')
+    let_go(id)
+    forget_digest(id)
+    redis.call('SREM', P .. 'active:' .. tenant .. ':' .. kind, id)
+    redis.call('ZREM', P .. 'index:' .. tenant .. ':' .. kind, id)
+    redis.call('ZREM', P .. 'expiry', id)
+    local parent = get(id, 'parent')
+    if parent then redis.call('SREM', P .. 'children:' .. parent, id) end
+    discard(files_of(id), ZOMBIE_S)
+  end
+  redis.call('DEL', job(id), P .. 'events:' .. id, P .. 'log:' .. id)
+  return children
+end
+
 local function announce(id)
   local webhook = get(id, 'webhook')
   local hook = id .. '-webhook'
@@ -71,8 +89,8 @@ local function announce(id)
   add(hook, 'webhooks', tenant, 'webhook', at)
 end
 
--- A job that was made from another one keeps that one for as long: nothing is deleted before it has ended, and
--- been kept, itself. Webhooks are told of their job, and need nothing of it.
+-- A job that was made from another one keeps that one for as long as it is kept itself; while it waits or runs,
+-- `expire` spares both. Webhooks are told of their job, and need nothing of it.
 local function keep_parent(id)
   local parent = get(id, 'parent')
   if not parent or parent == '' or get(id, 'kind') == 'webhook' then return end

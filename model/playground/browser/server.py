@@ -42,7 +42,8 @@ class Playground:
     def __init__(self, session: Session, colors: Colors, name: Path, host: str, port: int) -> None:
         """Start listening."""
         self.session, self.server = session, _serve(host, port)
-        self.url = f"http://{'localhost' if host in ('0.0.0.0', '::') else host}:{port}"
+        shown = "localhost" if host in ("0.0.0.0", "::") else host
+        self.url = f"http://{shown if ':' not in shown else f'[{shown}]'}:{port}"
         self._stop = threading.Event()
         self._failure: BaseException | None = None
         self._open = True

@@ -43,3 +43,11 @@ def test_taking_hold_keeps_the_points_where_they_are_now(twin):
     squeezed = twin.topology.points * np.float32([1, 1, 0.5])
     grip = grip_on(1, 5, twin, twin.topology.points).taking_hold(squeezed)
     np.testing.assert_allclose(grip.places, squeezed[grip.points], atol=1e-6)
+
+
+def test_grips_can_be_told_apart(twin):
+    """A scene asks whether there is anything new to show: two holds are compared, arrays and all."""
+    grip = grip_on(1, 5, twin, twin.topology.points)
+    dragged = replace(grip, dragged=True, target=grip.place + 1.0)
+    assert (grip,) == (grip,)
+    assert (grip,) != (dragged,)

@@ -115,3 +115,9 @@ def test_an_observation(upload):
 def test_what_is_no_observation(upload, content, error, line):
     with pytest.raises(error, match=line):
         observation.inspect(upload(content))
+
+
+def test_a_number_beyond_all_floats_is_refused(upload):
+    path = upload(b'{"intrinsics": [' + b"9" * 400 + b"]}")
+    with pytest.raises(BrokenFileError, match="intrinsics: expected finite numbers"):
+        camera.inspect(path)

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import pytest
 
 from model.errors import InputError
-from worker.kinds import Outcome, Postponed
+from worker.kinds import Outcome, OutOfTimeError, Postponed
 from worker.kinds.webhook import PAUSES_S, WebhookKind, message
 from worker.record import JobError, JobRecord
 from worker.webhooks import Undelivered
@@ -20,7 +20,7 @@ class Told:
     record: JobRecord = field(
         default_factory=lambda: JobRecord(id="1-webhook", kind="webhook", queue="webhooks", tenant="a")
     )
-    problem: Exception | None = None
+    problem: BaseException | None = None
     sent: list[tuple[str, str, bytes]] = field(default_factory=list)
     lines: list[str] = field(default_factory=list)
 
@@ -77,6 +77,13 @@ def test_it_is_tried_again_later_and_later_and_then_given_up(ended):
     assert pauses == sorted(PAUSES_S)
     with pytest.raises(InputError, match="gave up after 8 tries: the answer was 500"):
         WebhookKind().run(Told(ended, len(PAUSES_S) + 1, problem=Undelivered("the answer was 500")))
+
+
+def test_a_receiver_that_drips_until_the_time_is_over_is_tried_again(ended):
+    run = Told(ended, problem=OutOfTimeError())
+    with pytest.raises(Postponed):
+        WebhookKind().run(run)
+    assert run.lines == ["webhook: try 1: the answer took too long"]
 
 
 def test_nobody_is_told_of_a_job_that_is_gone(ended):
