@@ -14,6 +14,8 @@ from worker.embedded import EmbeddedRedis
 
 LOOK_SECONDS = 0.2
 """How often it is looked whether both live [s]."""
+PAUSE_SECONDS = 1.0
+"""After one of them could not be started [s]."""
 LONGEST_PAUSE = 10.0
 """Between two starts of a worker that does not stay [s]."""
 STEADY_SECONDS = 30.0
@@ -56,7 +58,7 @@ class Companions:
                     self._redis.launch()
                 except (InputError, OSError) as error:
                     log.error("redis cannot be started: %s", error, extra={"child": "redis"})
-                    await asyncio.sleep(1.0)
+                    await asyncio.sleep(PAUSE_SECONDS)
             if self._worker is None or self._worker.poll() is not None:
                 if self._worker is not None:
                     lived = clock() - started
@@ -71,7 +73,7 @@ class Companions:
                 except (OSError, subprocess.SubprocessError) as error:
                     self._worker = None
                     log.error("the worker cannot be started: %s", error, extra={"child": "worker"})
-                    await asyncio.sleep(1.0)
+                    await asyncio.sleep(PAUSE_SECONDS)
             await asyncio.sleep(LOOK_SECONDS)
 
     def stop(self) -> None:

@@ -1,9 +1,17 @@
+import asyncio
 from contextlib import ExitStack
 
 import pytest
 
 from service.errors import ProblemError
 from service.followers import MOST, MOST_OF_ONE_KEY, Followers
+from service.front import Front
+from service.metrics import Metrics
+from service.settings import Settings
+
+
+MANY = 150
+"""More than the hundred that redis-py opens if nothing is said."""
 
 
 def test_a_key_may_have_so_many_and_no_more():
@@ -44,3 +52,18 @@ def test_streams_are_counted_until_they_end(serving, http, clip, monkeypatch):
             if answer.status_code == 200:
                 return
     raise AssertionError("a stream that has ended still counts")
+
+
+def test_every_stream_has_a_connection_to_redis(redis_url, tmp_path):
+    """Else those beyond the hundredth wait for one, and learn of nothing before others have ended."""
+    settings = Settings(redis_url, f"file://{tmp_path}/store", tmp_path)
+
+    async def wait_at_once():
+        front = Front.open(settings, Metrics())
+        waits = [front.async_redis.xread({"matphys:events:none": "0"}, block=500) for _ in range(MANY)]
+        try:
+            return await asyncio.gather(*waits)
+        finally:
+            await front.close()
+
+    assert len(asyncio.run(wait_at_once())) == MANY
