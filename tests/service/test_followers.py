@@ -9,7 +9,6 @@ from service.front import Front
 from service.metrics import Metrics
 from service.settings import Settings
 
-
 MANY = 150
 """More than the hundred that redis-py opens if nothing is said."""
 
