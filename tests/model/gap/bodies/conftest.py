@@ -1,7 +1,8 @@
-"""Recordings of beams that are clamped at one end and let go."""
+"""Surfaces of solids, and recordings of beams that are clamped at one end and let go."""
 
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from benchmarks.gap.cantilever import Cantilever
@@ -16,3 +17,29 @@ def cantilever() -> Callable[..., Observation]:
         return Cantilever().recording(1.2, held)
 
     return made
+
+
+@pytest.fixture
+def egg():
+    """200 points all over an egg of 0.3 × 0.2 × 0.14 m, none of which is like another."""
+    i = np.arange(200) + 0.5
+    z, angle = 1 - i / 100, np.pi * (1 + 5**0.5) * i
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(angle) * 0.15, across * np.sin(angle) * 0.1, 0.07 * z], -1)
+
+
+@pytest.fixture
+def ring():
+    """220 points all over a ring of 0.2 m across its middle line, 0.06 m thick."""
+    i = np.arange(220) + 0.5
+    # evenly over the surface: more of it is outside of the middle line than inside
+    around = np.interp(i / 220, *_share_of_ring(0.3))
+    along = np.pi * (1 + 5**0.5) * i
+    across = 0.1 + 0.03 * np.cos(around)
+    return np.stack([across * np.cos(along), across * np.sin(along), 0.03 * np.sin(around)], -1)
+
+
+def _share_of_ring(slimness):
+    """Share of a ring's surface before each angle around its middle line, and the angle."""
+    angle = np.linspace(0.0, 2 * np.pi, 500)
+    return (angle + slimness * np.sin(angle)) / (2 * np.pi), angle

@@ -5,16 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.solid import lattice
-
-
-@pytest.fixture
-def egg():
-    """200 points all over an egg of 0.3 × 0.2 × 0.14 m, none of which is like another."""
-    i = np.arange(200) + 0.5
-    z, angle = 1 - i / 100, np.pi * (1 + 5**0.5) * i
-    across = np.sqrt(1 - z**2)
-    return np.stack([across * np.cos(angle) * 0.15, across * np.sin(angle) * 0.1, 0.07 * z], -1)
+from model.gap.bodies.solid import SOLID_POINTS, lattice
 
 
 def test_it_fills_the_solid(egg):
@@ -36,3 +27,20 @@ def test_turned_shifted_and_in_another_order_it_is_the_same(egg):
     assert again == pytest.approx(spacing)
     assert len(other) == len(one)
     assert cKDTree(turn.apply(one) + shift).query(other)[0].max() < 1e-9
+
+
+def test_the_hole_of_a_ring_stays_empty(ring):
+    """The surface is all around the middle of the hole, and yet it is outside."""
+    points, _ = lattice(ring, 1.0)
+    beside = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.1, points[:, 2])
+    assert beside.max() < 0.0301
+    assert (beside < 0.02).sum() > 20
+
+
+def test_points_are_as_dense_in_a_ring_as_in_an_egg(ring, egg):
+    """By the volume that it has, not by that of what it lies in."""
+    _, spacing = lattice(ring, 1.0)
+    volume = 2 * np.pi**2 * 0.1 * 0.03**2
+    assert volume / spacing**3 == pytest.approx(SOLID_POINTS, rel=0.25)
+    _, spacing = lattice(egg, 1.0)
+    assert 4 / 3 * np.pi * 0.15 * 0.1 * 0.07 / spacing**3 == pytest.approx(SOLID_POINTS, rel=0.25)
