@@ -29,7 +29,7 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from benchmarks.gap.development import done_by, open_labels_of
-from model.gap.account import MEANING, Account, Explained
+from model.gap.account import MEANING, Account
 from model.gap.benchmark.labels import Label, open_labels
 from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
 from model.gap.benchmark.scores import calibration_error
@@ -49,8 +49,6 @@ USUAL = Weighing(
     elsewhere=2.0,
     slowly=2.0,
     slowly_elsewhere=2.0,
-    freely=1.0,
-    freely_elsewhere=1.0,
     harm=4.0,
     sheet=-1.0,
     buckling=-4.0,
@@ -64,7 +62,7 @@ COMMON: Mapping[VerdictName | None, float] = {NONE: 0.4, None: 0.45, UNKNOWN: 0.
 are picked, and count as if they came so."""
 STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
-EXPLAINING = (*(field.name for field in fields(Explained)), "harm")
+EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "harm")
 """No effect is believed less for explaining more."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
 

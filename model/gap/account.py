@@ -21,14 +21,10 @@ FINEST = 1e-3
 """No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
 no less noise."""
 
-FREELY = 1.0
-"""E-folds by which free runs with an effect count at most as nearer or farther: soft bodies are nearly
-chaotic, and any change of a twin that a fold or a fall has led astray leads it elsewhere."""
-
 LEAST = 1e-12
 """Of what is left: as good as nothing."""
 
-MEANING = 6
+MEANING = 5
 """Of an account, counted up whenever what it tells is measured otherwise: no weights are learned of both."""
 
 Left = tuple[float, float]
@@ -55,35 +51,15 @@ class Explained:
     slowly_elsewhere: float = 0.0
     """In all of the other one."""
 
-    freely: float = 0.0
-    """How many times nearer free runs are, as a logarithm, in later frames of the same recording."""
-    freely_elsewhere: float = 0.0
-    """In the other one, to which nothing but how the object is held there was fitted."""
-
     @classmethod
     def of(
-        cls,
-        fitted: Left,
-        later: Left,
-        elsewhere: Left | None = None,
-        slowly: tuple[float, ...] = (),
-        freely: tuple[float, ...] = (),
+        cls, fitted: Left, later: Left, elsewhere: Left | None = None, slowly: tuple[float, ...] = ()
     ) -> "Explained":
-        """From what is left in each part.
-
-        Args:
-            fitted: In the frames that fits see.
-            later: In later ones.
-            elsewhere: In the other recording; None: there is none.
-            slowly: E-folds that a slow observer sees explained, here and in the other recording.
-            freely: E-folds by which free runs are nearer, here and there.
-        """
+        """From what is left in each part; and what is explained slowly here, and in the other recording."""
         first = _explained(fitted)
         most = BEYOND * max(first, 0.0)
         others = (min(_explained(left), most) if left is not None else 0.0 for left in (later, elsewhere))
-        seen_slowly = [float(np.clip(one, *MOST)) for one in (*slowly, 0.0, 0.0)[:2]]
-        run_freely = [float(np.clip(one, -FREELY, FREELY)) for one in (*freely, 0.0, 0.0)[:2]]
-        return cls(first, *others, *seen_slowly, *run_freely)
+        return cls(first, *others, *(float(np.clip(one, *MOST)) for one in slowly))
 
     @property
     def total(self) -> float:

@@ -2,9 +2,7 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from model.gap.account import FINEST, Account, Explained, against_ordinary
+from model.gap.account import Account, Explained, against_ordinary
 from model.gap.confirm import Fitted, held_out
 from model.gap.forecast import Forecast, forecast
 from model.gap.joint import fitted_jointly
@@ -43,16 +41,11 @@ def account_of(
     """
     cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
     slowly = left_slowly(plain.misfit, plain.estimate.values)
-    freely = {
-        name: (nearer(plain.foretold, one.foretold), *_nearer_there(other, refitted, one))
-        for name, one in confirmed.items()
-    }
     explained = {
         name: Explained.of(
             (cost, one.estimate.cost),
             (later, held_out(fitted, one.foretold)),
             slowly=(explained_slowly(slowly, left_slowly(one.misfit, one.estimate.values)),),
-            freely=freely[name][:1],
         )
         if one.estimate.cost < SEEN * cost
         else Explained()
@@ -76,7 +69,6 @@ def account_of(
                 (later, held_out(fitted, foretold)),
                 (there.estimate.cost, both.left[1]),
                 (explained_slowly(slowly, both.slowly[0]), explained_slowly(slowly_there, both.slowly[1])),
-                freely[name],
             )
         left.append(against_ordinary(there.estimate.cost, other.told_noise))
     return Account(
@@ -87,18 +79,6 @@ def account_of(
         _astray(plain, refitted),
         tuple(left),
     )
-
-
-def nearer(without: Forecast, with_it: Forecast) -> float:
-    """How many times nearer free runs are with an effect, as a logarithm; told against `FINEST`."""
-    return float(np.log(max(without.error, FINEST) / max(with_it.error, FINEST)))
-
-
-def _nearer_there(other: Transferred | None, refitted: Forecast | None, one: Fitted) -> tuple[float, ...]:
-    """The same in the other recording, of what was fitted to the first; nothing where it cannot act there."""
-    if other is None or refitted is None or not other.hypothesis(one.hypothesis).effects:
-        return ()
-    return (nearer(refitted, other.forecast(one.hypothesis, one.estimate.values)),)
 
 
 def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:

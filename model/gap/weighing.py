@@ -45,9 +45,6 @@ class Weighing:
     slowly: float
     """For each e-fold that a slow observer sees explained."""
     slowly_elsewhere: float
-    freely: float
-    """For each e-fold by which free runs are nearer in later frames, fitted to the first recording."""
-    freely_elsewhere: float
     harm: float
     """On top of that where it is less than nothing: as strong in both recordings, what is really missing does
     no harm in either, and what is not often does in one."""
@@ -101,8 +98,6 @@ class Weighing:
             + (self.elsewhere + extra) * one.elsewhere
             + (self.slowly + extra) * one.slowly
             + (self.slowly_elsewhere + extra) * one.slowly_elsewhere
-            + self.freely * one.freely
-            + self.freely_elsewhere * one.freely_elsewhere
             + self.harm * min(one.elsewhere, 0.0)
             + (self.buckling if thin and name == SLACK else 0.0)
             for name, one in account.told.items()
