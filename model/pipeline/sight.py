@@ -59,7 +59,7 @@ def see(video: Path, options: TwinOptions, methods: Methods, log: StageLog) -> S
             masks,
             camera_file=options.camera,
             size_m=options.size_m,
-            shape_class=shape_class,
+            extent=lambda world: reconstructor.extent(frames, masks, world, shape_class),
             depth=depth,
         ),
     )

@@ -18,3 +18,9 @@ class Reconstructor(ABC):
         self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
     ) -> Gaussians:
         """Reconstruct the object on `masks.keyframe` in the world of `calibration`."""
+
+    @abstractmethod
+    def extent(
+        self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
+    ) -> float:
+        """Largest extent [m] of what would be reconstructed: what a stated size is compared with."""

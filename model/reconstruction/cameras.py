@@ -12,7 +12,8 @@ ground      camera file; z = 0 of a file's pose that the object's rays meet; the
 scale       depth; ``size_m`` given by the user; pose and ground of the camera file; 0.3 m assumed
 =========== =======================================================================================
 
-``size_m`` is the largest extent of the object on the keyframe. Given explicitly it overrules a camera file's
+``size_m`` is the largest extent of the object on the keyframe, of a mesh the longest side of its box. Given
+explicitly it overrules a camera file's
 pose (the camera then moves along its ray to the object until the object has that size), but not depth,
 which measures lengths: there it is ignored with a warning.
 """
@@ -33,9 +34,9 @@ from model.reconstruction.gravity import (
     tilt_from_lines,
 )
 from model.reconstruction.ground import ground_from_depth
-from model.reconstruction.scale import DEFAULT_SIZE, centred, floating, meets, sized
+from model.reconstruction.scale import DEFAULT_SIZE, Extent, centred, floating, meets, sized
 from model.reconstruction.support import Support, background_of, find_support
-from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks, ShapeClass
+from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks
 
 DEFAULT_FIELD_OF_VIEW = np.deg2rad(70.0)
 """Of the longer side: between phones (65–70°) and depth cameras (70–90°)."""
@@ -51,7 +52,7 @@ def calibrate(
     *,
     camera_file: Path | None,
     size_m: float | None,
-    shape_class: ShapeClass,
+    extent: Extent,
     depth: Float[Array, "H W"] | None = None,
 ) -> Calibration:
     """Fix camera, gravity, ground and scale for the keyframe.
@@ -65,7 +66,7 @@ def calibrate(
         masks: Object and hand.
         camera_file: See `model.reconstruction.camera_file` for the format.
         size_m: Largest extent of the object [m], if the user knows it.
-        shape_class: What is inflated for measuring that extent.
+        extent: Measures it in a world.
         depth: Depth of the keyframe [m], aligned to the colour image, 0 = missing; needs intrinsics.
 
     Raises:
@@ -84,11 +85,11 @@ def calibrate(
     if depth is not None and size_m is not None:
         size_m, doubts = None, (f"the stated size of {size_m:g} m is ignored: depth measures lengths",)
     if file is not None and file.world_from_camera is not None:
-        result = _posed(frames, masks, file, size_m, shape_class, depth)
+        result = _posed(frames, masks, file, size_m, extent, depth)
     elif file is not None and depth is not None:
-        result = _from_depth(frames, masks, file, shape_class, depth)
+        result = _from_depth(frames, masks, file, extent, depth)
     else:
-        result = _from_image(frames, masks, file, size_m, shape_class)
+        result = _from_image(frames, masks, file, size_m, extent)
     return replace(result, warnings=doubts + result.warnings)
 
 
@@ -97,7 +98,7 @@ def _posed(
     masks: Masks,
     file: CameraFile,
     size_m: float | None,
-    shape_class: ShapeClass,
+    extent: Extent,
     depth: Float[Array, "H W"] | None,
 ) -> Calibration:
     """A pose is given: it fixes gravity, and with a ground also the scale."""
@@ -111,29 +112,29 @@ def _posed(
     )
     if ground is None:
         calibration = replace(calibration, ground_source="none: the camera file names no ground in view")
-        return floating(masks, calibration, size_m, shape_class, _object_depth(depth, masks))
+        return floating(masks, calibration, size_m, extent, _object_depth(depth, masks))
     if not meets(camera, masks.object[masks.keyframe], ground):
         raise InputError(
             f"the camera file's ground_height {ground:g} is not where the camera looks at the object; check "
             "world_from_camera and the direction of gravity"
         )
-    return calibration if size_m is None else sized(masks, calibration, size_m, "stated", shape_class)
+    return calibration if size_m is None else sized(masks, calibration, size_m, "stated", extent)
 
 
 def _from_depth(
     frames: Frames,
     masks: Masks,
     file: CameraFile,
-    shape_class: ShapeClass,
+    extent: Extent,
     depth: Float[Array, "H W"],
 ) -> Calibration:
     """Gravity, ground and scale from the plane around the object in depth, else as held in the air."""
     key = masks.keyframe
     plane = ground_from_depth(depth, file.intrinsics, masks.object[key], masks.hand[key])
     if plane is None:
-        result = _from_image(frames, masks, file, None, shape_class, grounded=False)
+        result = _from_image(frames, masks, file, None, extent, grounded=False)
         result = replace(result, ground_source="none: no plane in the depth around the object")
-        return floating(masks, result, None, shape_class, _object_depth(depth, masks))
+        return floating(masks, result, None, extent, _object_depth(depth, masks))
     pose = _pose_over_ground(plane.up, plane.camera_height)
     camera = centred(_camera(file.intrinsics, pose, frames), masks.object[key])
     near = f"{plane.inliers:.0%} within {plane.tolerance * 1e3:.0f} mm"
@@ -152,7 +153,7 @@ def _from_image(
     masks: Masks,
     file: CameraFile | None,
     size_m: float | None,
-    shape_class: ShapeClass,
+    extent: Extent,
     grounded: bool = True,
 ) -> Calibration:
     """No pose: gravity from lines or a default, the ground from what the object rests on (if it may)."""
@@ -184,10 +185,10 @@ def _from_image(
     if support.present and meets(camera, masks.object[masks.keyframe], 0.0):
         calibration = replace(calibration, camera=centred(camera, masks.object[masks.keyframe]))
         stated = "stated" if size_m is not None else "assumed"
-        return sized(masks, calibration, size_m or DEFAULT_SIZE, stated, shape_class)
+        return sized(masks, calibration, size_m or DEFAULT_SIZE, stated, extent)
     if support.present:
         calibration = replace(calibration, ground_source="none: the object reaches above the horizon")
-    return floating(masks, replace(calibration, ground_height=None), size_m, shape_class)
+    return floating(masks, replace(calibration, ground_height=None), size_m, extent)
 
 
 def _object_depth(depth: Float[Array, "H W"] | None, masks: Masks) -> float | None:

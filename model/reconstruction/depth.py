@@ -17,7 +17,7 @@ from model.reconstruction.discs import local_thickness
 from model.reconstruction.fill import TARGET_COUNT, Filling, fill, sheet_filling, thinned
 from model.reconstruction.outline import overlap, silhouette_of
 from model.reconstruction.paint import colors_from_image
-from model.reconstruction.silhouette import SHEET_THICKNESS, completed_mask
+from model.reconstruction.silhouette import SHEET_THICKNESS, completed_mask, silhouette_extent
 from model.reconstruction.volume import Volume, carved, grid_around, mask_distance, sample_image
 from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, ShapeClass
 
@@ -79,6 +79,12 @@ class DepthReconstructor(Reconstructor):
             return gaussians
         note = f"the reconstruction covers the keyframe's mask with an overlap of only {score:.2f}"
         return filling.painted(colors, (*doubts, note))
+
+    def extent(
+        self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
+    ) -> float:
+        """Largest extent [m] of the silhouette; its size is not asked for where depth measures it."""
+        return silhouette_extent(masks, calibration, shape_class)
 
 
 def surface_depth(

@@ -61,6 +61,16 @@ class MeshReconstructor(Reconstructor):
         note = f"the mesh {self.path.name} fits the keyframe's mask with an overlap of only {score:.2f}"
         return filling.painted(colors, (note,))
 
+    def extent(
+        self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
+    ) -> float:
+        """Longest side [m] of the mesh's own box where it matches the mask.
+
+        The silhouette's extent would be another: it is a guess at the side that the camera does not see.
+        """
+        mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
+        return align(self.surface, frames.images[masks.keyframe], mask, calibration).scale
+
     def _colors(self, filling: Filling, placement: Placement) -> Float64[Array, "G 3"] | None:
         """The mesh's own colours (0..1) at the Gaussians, if it has any."""
         if self.surface.colors is None:

@@ -1,27 +1,28 @@
 """Metres: the camera moved towards or away from the object until lengths are right."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from model.reconstruction.silhouette import completed_mask, extent_of
-from model.types import Array, Calibration, Camera, Masks, ShapeClass
+from model.reconstruction.silhouette import completed_mask
+from model.types import Array, Calibration, Camera, Masks
 
+Extent: TypeAlias = Callable[[Calibration], float]
+"""Largest extent [m] of the object, as it would be reconstructed in a calibrated world."""
 DEFAULT_SIZE = 0.3
 """Largest extent of an object whose size nobody tells [m]."""
 
 
-def sized(
-    masks: Masks, calibration: Calibration, size: float, stated: str, shape_class: ShapeClass
-) -> Calibration:
+def sized(masks: Masks, calibration: Calibration, size: float, stated: str, extent: Extent) -> Calibration:
     """Move the camera along the ray to the object's foot until the object's largest extent is `size` [m].
 
     A scale that was known before (the calibration's `scale_source`) is overruled, and a large
     disagreement with it is a warning.
     """
-    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
-    ratio = size / extent_of(mask, calibration, shape_class)
+    ratio = size / extent(calibration)
     before, doubts = calibration.scale_source, calibration.warnings
     source = f"{stated}: the object's largest extent is {size:g} m"
     if before:
@@ -38,7 +39,7 @@ def floating(
     masks: Masks,
     calibration: Calibration,
     size_m: float | None,
-    shape_class: ShapeClass,
+    extent: Extent,
     measured: float | None = None,
 ) -> Calibration:
     """Without a ground: the object's middle becomes the origin.
@@ -47,7 +48,7 @@ def floating(
         masks: Object and hand.
         calibration: Its camera's rotation is kept, its position is not.
         size_m: Largest extent of the object [m], if stated.
-        shape_class: What is inflated for measuring the extent.
+        extent: Measures it.
         measured: Depth of the object [m], if known; a stated size overrules it.
     """
     mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
@@ -56,7 +57,7 @@ def floating(
         source = "depth in millimetres"
         return replace(calibration, camera=_facing(camera, mask, measured), scale_source=source)
     size = size_m or DEFAULT_SIZE
-    depth = size / extent_of(mask, replace(calibration, camera=camera), shape_class)
+    depth = size / extent(replace(calibration, camera=camera))
     stated = "stated" if size_m is not None else "assumed"
     source = f"{stated}: the object's largest extent is {size:g} m"
     return replace(calibration, camera=_facing(camera, mask, depth), scale_source=source)

@@ -74,6 +74,12 @@ class SilhouetteReconstructor(Reconstructor):
             return filling.painted(gaussians.colors, (note,))
         return gaussians
 
+    def extent(
+        self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass
+    ) -> float:
+        """Largest extent [m] of the inflated silhouette."""
+        return silhouette_extent(masks, calibration, shape_class)
+
 
 def completed_mask(object_mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]) -> Bool[Array, "H W"]:
     """The object's mask continued a few pixels under the hand, and over small gaps that the hand covers."""
@@ -109,6 +115,12 @@ def extent_of(mask: Bool[Array, "H W"], calibration: Calibration, shape_class: S
     across = _in_plane(calibration.camera, normal)
     widths = np.ptp(points @ across.T @ np.stack([np.cos(angle), np.sin(angle)]), axis=0)
     return float(widths.max())
+
+
+def silhouette_extent(masks: Masks, calibration: Calibration, shape_class: ShapeClass) -> float:
+    """Largest extent [m] of the body that the keyframe's silhouette, continued under the hand, becomes."""
+    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
+    return extent_of(mask, calibration, shape_class)
 
 
 def resting_depth(camera: Camera) -> float:

@@ -6,7 +6,7 @@ import pytest
 
 from model.errors import InputError
 from model.reconstruction.cameras import calibrate
-from model.reconstruction.silhouette import extent_of
+from model.reconstruction.silhouette import extent_of, silhouette_extent
 from model.types import Masks
 
 
@@ -27,7 +27,12 @@ def camera_file(tmp_path):
 
 def run(scene, file=None, size=None, shape_class="solid", depth=None):
     return calibrate(
-        scene.frames, scene.masks, camera_file=file, size_m=size, shape_class=shape_class, depth=depth
+        scene.frames,
+        scene.masks,
+        camera_file=file,
+        size_m=size,
+        extent=lambda world: silhouette_extent(scene.masks, world, shape_class),
+        depth=depth,
     )
 
 

@@ -7,6 +7,7 @@ from model.reconstruction.alignment import Placement, align
 from model.reconstruction.mesh import MeshReconstructor, volume_of
 from model.reconstruction.mesh_file import read_mesh
 from model.reconstruction.outline import overlap, silhouette_of
+from model.reconstruction.scale import sized
 from model.types import Frames, Masks
 
 
@@ -109,6 +110,21 @@ def test_overlapping_parts_count_once(figure, tmp_path):
     inside = np.any([np.linalg.norm(points - c, axis=1) < r for r, c in balls], axis=0)
     scale = 0.32 / float((high - low).max())
     assert body.total == pytest.approx(inside.mean() * np.prod(high - low) * scale**3, rel=0.04)
+
+
+def test_a_stated_size_is_the_longest_side_of_the_mesh(lying, body):
+    path, frames, masks, calibration, _ = lying
+    method = MeshReconstructor(path)
+
+    def side(world):
+        return method.extent(frames, masks, world, "solid")
+
+    stated = sized(masks, calibration, 0.5, "stated", side)
+    assert side(stated) == pytest.approx(0.5, rel=0.01)
+    gaussians = method(frames, masks, stated, "solid")
+    grown = 0.5 / side(calibration)
+    assert np.ptp(gaussians.means, 0) == pytest.approx(grown * np.ptp(body.means, 0), rel=0.03)
+    assert overlap(silhouette_of(gaussians, stated.camera), masks.object[0]) > 0.88
 
 
 def test_a_mesh_of_something_else_is_doubted(lying, tmp_path):

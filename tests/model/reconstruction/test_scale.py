@@ -6,9 +6,14 @@ from model.reconstruction.silhouette import extent_of
 from model.types import Camera
 
 
+def inflated(scene, shape_class="solid"):
+    """How large the silhouette of a scene is in a world."""
+    return lambda world: extent_of(scene.mask, world, shape_class)
+
+
 @pytest.mark.parametrize("shape_class", ["solid", "rope", "sheet"])
 def test_the_extent_becomes_the_size(teddy, shape_class):
-    result = sized(teddy.masks, teddy.calibration(), 0.5, "stated", shape_class)
+    result = sized(teddy.masks, teddy.calibration(), 0.5, "stated", inflated(teddy, shape_class))
     assert extent_of(teddy.mask, result, shape_class) == pytest.approx(0.5, rel=1e-3)
     assert "0.5 m" in result.scale_source
     pixels, _ = result.camera.project(np.zeros((1, 3)))
@@ -18,16 +23,16 @@ def test_the_extent_becomes_the_size(teddy, shape_class):
 def test_a_large_disagreement_with_what_was_known_is_a_warning(teddy):
     known = teddy.calibration()
     known = type(known)(**{**vars(known), "scale_source": "the camera file"})
-    agreed = sized(teddy.masks, known, extent_of(teddy.mask, known, "solid"), "stated", "solid")
+    agreed = sized(teddy.masks, known, extent_of(teddy.mask, known, "solid"), "stated", inflated(teddy))
     assert agreed.warnings == ()
     assert "instead of the camera file" in agreed.scale_source
-    doubted = sized(teddy.masks, known, 1.0, "stated", "solid")
+    doubted = sized(teddy.masks, known, 1.0, "stated", inflated(teddy))
     assert len(doubted.warnings) == 1
 
 
 def test_a_floating_object_becomes_the_origin(scene_of):
     scene = scene_of([((0.05, 0.06, 0.05), (0.06, 0.06, 0.06))], table=False)
-    result = floating(scene.masks, scene.calibration(None), 0.12, "solid")
+    result = floating(scene.masks, scene.calibration(None), 0.12, inflated(scene))
     pixels, depth = result.camera.project(np.zeros((1, 3)))
     rows, columns = np.nonzero(scene.mask)
     np.testing.assert_allclose(pixels[0], [columns.mean(), rows.mean()], atol=1e-6)
@@ -38,14 +43,14 @@ def test_a_floating_object_becomes_the_origin(scene_of):
 
 def test_a_measured_depth_fixes_a_floating_object(scene_of):
     scene = scene_of([((0, 0, 0), (0.06, 0.06, 0.06))], table=False)
-    result = floating(scene.masks, scene.calibration(None), None, "solid", 0.77)
+    result = floating(scene.masks, scene.calibration(None), None, inflated(scene), 0.77)
     assert result.camera.project(np.zeros((1, 3)))[1][0] == pytest.approx(0.77)
     assert "depth" in result.scale_source
 
 
 def test_without_size_the_default_is_assumed_and_said(scene_of):
     scene = scene_of([((0, 0, 0), (0.06, 0.06, 0.06))], table=False)
-    result = floating(scene.masks, scene.calibration(None), None, "solid")
+    result = floating(scene.masks, scene.calibration(None), None, inflated(scene))
     assert result.scale_source.startswith("assumed")
     assert extent_of(scene.mask, result, "solid") == pytest.approx(0.3, rel=0.01)
 
