@@ -23,6 +23,7 @@ class FrameKeeper:
         self.limit, self.stride, self.seen = limit, max(1, stride), 0
         self.images: list[UInt8[Array, "H W 3"]] = []
         self.times: list[float] = []
+        self.numbers: list[int] = []
         self.origin: float | None = None
         self.last: float | None = None
         self.unordered = 0
@@ -50,12 +51,13 @@ class FrameKeeper:
         reduced = (image.shape[1], image.shape[0])
         self.source_size = None if reduced == shown else shown
         if len(self.images) == self.limit:
-            self.images, self.times = self.images[::2], self.times[::2]
+            self.images, self.times, self.numbers = self.images[::2], self.times[::2], self.numbers[::2]
             self.stride *= 2
             if (self.seen - 1) % self.stride:
                 return
         self.images.append(image)
         self.times.append(time)
+        self.numbers.append(self.seen + self.unordered - 1)
 
     def frames(self, path: Path, sha256: str) -> Frames:
         """The record of everything kept."""
@@ -72,8 +74,17 @@ class FrameKeeper:
         if self.unordered:
             warnings.append(f"{self.unordered} frame(s) with a repeated time stamp were dropped")
         times = np.asarray(self.times, np.float64)
+        total = self.seen + self.unordered
+        whole = len(times) == total
         return Frames(
-            np.stack(self.images), times - times[0], path.name, sha256, tuple(warnings), self.source_size
+            np.stack(self.images),
+            times - times[0],
+            path.name,
+            sha256,
+            tuple(warnings),
+            self.source_size,
+            None if whole else np.asarray(self.numbers),
+            None if whole else total,
         )
 
 

@@ -22,16 +22,21 @@ def read_prompt(
         frames: The clip.
         mask: A grey or colour image of the clip's size; the object is where it is brighter than half.
         box: x, y, width, height [px].
-        keyframe: The frame that mask and box speak of; None: the segmenter chooses, or 0 with a mask or box.
+        keyframe: The frame of the clip that mask and box speak of; of a thinned clip the nearest one that
+            was kept stands for it. None: the segmenter chooses, or 0 with a mask or box.
 
     Raises:
         InputError: the mask cannot be read, has another size or is empty; the box lies outside;
-            the keyframe is not one of the frames.
+            the keyframe is not one of the frames, or nothing follows it.
     """
-    count, height, width, _ = frames.images.shape
+    height, width = frames.images.shape[1:3]
     size = frames.source_size or (width, height)
-    if keyframe is not None and not 0 <= keyframe < count:
-        raise InputError(f"--keyframe {keyframe}: {frames.name} has frames 0 to {count - 1}")
+    doubts: tuple[str, ...] = ()
+    if keyframe is not None:
+        asked, keyframe = keyframe, _kept(frames, keyframe)
+        if frames.number(keyframe) != asked:
+            instead = frames.number(keyframe)
+            doubts = (f"frame {asked} was left out in thinning the clip: the keyframe is {instead}",)
     if mask is not None and box is not None:
         raise InputError("--mask and --box both given: choose one")
     pixels = None
@@ -55,7 +60,21 @@ def read_prompt(
         box = _scale_box(box, frames.scale)
     if keyframe is None and (mask is not None or box is not None):
         keyframe = 0
-    return Prompt(mask=pixels, box=box, keyframe=keyframe)
+    return Prompt(mask=pixels, box=box, keyframe=keyframe, warnings=doubts)
+
+
+def _kept(frames: Frames, keyframe: int) -> int:
+    """Which of the frames that were kept stands for the clip's frame `keyframe`."""
+    if not 0 <= keyframe < frames.length:
+        raise InputError(f"--keyframe {keyframe}: {frames.name} has frames 0 to {frames.length - 1}")
+    index = frames.index(keyframe)
+    if index == len(frames.images) - 1:
+        last = frames.number(index - 1)
+        raise InputError(
+            f"--keyframe {keyframe}: nothing follows it in {frames.name}; "
+            f"choose one of the frames 0 to {last}"
+        )
+    return index
 
 
 def _scale_box(box: tuple[int, int, int, int], scale: float) -> tuple[int, int, int, int]:

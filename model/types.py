@@ -31,6 +31,23 @@ class Frames:
     warnings: tuple[str, ...] = ()
     source_size: tuple[int, int] | None = None
     """Width, height of the clip as the user sees it [px], if `images` were made smaller; None: the same."""
+    numbers: Int[Array, " T"] | None = None
+    """Place of each of `images` among all frames of the clip, if some were left out; None: the same."""
+    clip_frames: int | None = None
+    """Frames of the whole clip, if some were left out; None: as many as `images`."""
+
+    def number(self, index: int) -> int:
+        """Place among all frames of the clip, as the user counts them, of one of `images`."""
+        return index if self.numbers is None else int(self.numbers[index])
+
+    def index(self, number: int) -> int:
+        """Which of `images` is nearest to a frame of the clip."""
+        return number if self.numbers is None else int(np.abs(self.numbers - number).argmin())
+
+    @property
+    def length(self) -> int:
+        """Frames of the whole clip, with those that were left out."""
+        return len(self.images) if self.clip_frames is None else self.clip_frames
 
     @property
     def scale(self) -> float:
@@ -51,6 +68,7 @@ class Prompt:
     box: tuple[int, int, int, int] | None = None
     """x, y, width, height [px]."""
     keyframe: int | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -93,7 +93,9 @@ def read_video(
         check_size(path, info.width, info.height, max_pixels)
         check_duration(path, max(info.duration, info.frame_count / info.fps), max_seconds)
         _check_complete(path, container, stream)
-        keeper = FrameKeeper(max_frames, stride=-(-info.frame_count // max_frames))
+        # Only a count that the container itself gives: a rate of 1000 fps, which tools write where the rate
+        # varies, makes thirty frames a thousand.
+        keeper = FrameKeeper(max_frames, stride=-(-stream.frames // max_frames))
         end = 0.0
         for index, frame in enumerate(_decoded(container, stream, path, info, max_pixels)):
             time = index / info.fps if frame.time is None else float(frame.time)

@@ -20,6 +20,10 @@ GRASP_DEPTH = 0.08
 """Fingers hold what lies behind the front of the contact by at most this share of the object's size."""
 STILL = 2.0
 """A place of the object that moved less than this since the keyframe rests [px]."""
+MEETING = 0.02
+"""Motion and clip must share more than this of the longer one's time: with less the clock is another."""
+STANDING = 0.1
+"""Share of the clip without a word of the hand's motion that is worth one of ours."""
 RELEASE = 6
 """Frames without contact that count as letting go."""
 
@@ -69,7 +73,7 @@ def find_controllers(
     ]
     motion = np.concatenate(_lift(paths, rest, tracks, calibration, gaussians, key), axis=1)
     group = np.repeat(np.arange(len(rest)), [len(points) for points in rest])
-    return Controllers(motion.astype(np.float32), group, tuple(_doubts(found, paths, key)))
+    return Controllers(motion.astype(np.float32), group, tuple(_doubts(found, paths, frames, key)))
 
 
 def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
@@ -78,12 +82,13 @@ def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
     Args:
         path: A `.npz` with `controllers` or `controls` [T, C, 3] in metres in the twin's world, and
             optionally `times` [T] in seconds on the clip's clock (its first frame is 0). Without times there
-            is one row per frame of the clip, or one per frame from the keyframe on.
+            is one row per frame of the clip (with those that thinning left out), or one per frame from the
+            keyframe on.
         frames: The clip.
         masks: Their keyframe is where the motion starts.
 
     Raises:
-        InputError: an array is missing, has another shape, or is not finite.
+        InputError: an array is missing, has another shape, is not finite, or its times are not the clip's.
     """
     arrays = read_arrays(path, ("controllers", "controls", "times"))
     name = next((name for name in ("controllers", "controls") if name in arrays), None)
@@ -95,33 +100,62 @@ def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
     if not np.isfinite(motion).all():
         frame = int(np.argwhere(~np.isfinite(motion))[0][0])
         raise InputError(f"{path.name}: {name}[{frame}]: expected finite numbers, found NaN or infinity")
+    still = np.zeros(motion.shape[1], int)
+    if "times" not in arrays:
+        rows = _rows_of(path, name, len(motion), frames, masks.keyframe)
+        return Controllers(motion[rows].astype(np.float32), still)
     wanted = frames.times[masks.keyframe :]
-    times = _times_of(path, name, arrays.get("times"), len(motion), frames, masks.keyframe)
+    times = _checked_times(path, arrays["times"], len(motion))
+    doubts = _clock_doubts(path, times, wanted)
     flat = motion.reshape(len(motion), -1)
     columns = [np.interp(wanted, times, column) for column in flat.T]
     resampled = np.stack(columns, axis=1) if columns else np.zeros((len(wanted), 0))
     placed = resampled.reshape(len(wanted), motion.shape[1], 3).astype(np.float32)
-    return Controllers(placed, np.zeros(motion.shape[1], int))
+    return Controllers(placed, still, doubts)
 
 
-def _times_of(
-    path: Path, name: str, times: Array | None, rows: int, frames: Frames, keyframe: int
-) -> Float64[Array, " T"]:
-    if times is None:
-        for first in (keyframe, 0):
-            if rows == len(frames.times) - first:
-                return frames.times[first:]
-        left = len(frames.times) - keyframe
-        raise InputError(
-            f"{path.name}: {name}: expected {left} rows (frames from keyframe {keyframe} on) or "
-            f"{len(frames.times)} (all frames), found {rows}; or give times [T] in seconds"
-        )
+def _rows_of(path: Path, name: str, rows: int, frames: Frames, keyframe: int) -> Int[Array, " T"]:
+    """Which rows belong to the frames from the keyframe on."""
+    wanted = np.array([frames.number(index) for index in range(keyframe, len(frames.images))])
+    key = int(wanted[0])
+    for first in (key, 0):
+        if rows == frames.length - first:
+            return wanted - first
+    raise InputError(
+        f"{path.name}: {name}: expected {frames.length - key} rows (frames from keyframe {key} on) or "
+        f"{frames.length} (all frames), found {rows}; or give times [T] in seconds"
+    )
+
+
+def _checked_times(path: Path, times: Array, rows: int) -> Float64[Array, " T"]:
     if times.shape != (rows,):
         raise InputError(f"{path.name}: times: expected shape [{rows}], found {list(times.shape)}")
     seconds = times.astype(np.float64)
     if not np.isfinite(seconds).all() or not (np.diff(seconds) > 0).all():
         raise InputError(f"{path.name}: times: expected finite, strictly increasing seconds")
     return seconds
+
+
+def _clock_doubts(path: Path, times: Float64[Array, " R"], wanted: Float64[Array, " T"]) -> tuple[str, ...]:
+    """What is doubtful about the clock of a motion: outside of its own times the hand stands still.
+
+    Raises:
+        InputError: it is another clock, or not in seconds: next to nothing of the clip and of the motion
+            meet, and the hand would be frozen throughout.
+    """
+    first, last = float(wanted[0]), float(wanted[-1])
+    if len(times) == 1 or last == first:
+        return ()
+    shared = min(last, float(times[-1])) - max(first, float(times[0]))
+    if shared < MEETING * max(last - first, float(times[-1] - times[0])):
+        raise InputError(
+            f"{path.name}: times run from {times[0]:g} to {times[-1]:g}, the clip from its keyframe on from "
+            f"{first:g} to {last:g} s: expected seconds on the clip's clock, whose first frame is 0"
+        )
+    uncovered = 1.0 - shared / (last - first)
+    if uncovered <= STANDING:
+        return ()
+    return (f"{path.name} says nothing of {uncovered:.0%} of the clip's time: the hand stands still there",)
 
 
 def _path(frames: Frames, masks: Masks, start: int, patch: Bool[Array, "H W"], tracker: Track) -> GripPath:
@@ -134,13 +168,15 @@ def _path(frames: Frames, masks: Masks, start: int, patch: Bool[Array, "H W"], t
     return joined(follow_back(frames, masks, start, place, radius, tracker), after)
 
 
-def _doubts(found: list[tuple[int, Bool[Array, "H W"]]], paths: list[GripPath], key: int) -> list[str]:
+def _doubts(
+    found: list[tuple[int, Bool[Array, "H W"]]], paths: list[GripPath], frames: Frames, key: int
+) -> list[str]:
     """What the reader should know about the grips."""
     notes = []
     for index, ((start, _), path) in enumerate(zip(found, paths, strict=True)):
         if start > key:
             notes.append(
-                f"controllers: hand {index} touches the object first on frame {start}; "
+                f"controllers: hand {index} touches the object first on frame {frames.number(start)}; "
                 "until then the place it will touch follows the object"
             )
         lost = 1.0 - path.tracked.mean()
@@ -150,7 +186,7 @@ def _doubts(found: list[tuple[int, Bool[Array, "H W"]]], paths: list[GripPath], 
             continue
         apart = np.convolve(~path.touching, np.ones(RELEASE), "valid") >= RELEASE
         if apart.any():
-            frame = key + int(np.argmax(apart))
+            frame = frames.number(key + int(np.argmax(apart)))
             notes.append(f"controllers: hand {index} seems to let go on frame {frame}; the replay holds on")
     return notes
 

@@ -58,8 +58,9 @@ def observe_clip(
     frames = read_video(video)
     _check_same(frames, twin)
     report("segmentation", 0.1)
-    keyframe = twin.manifest.source.keyframe or 0
-    masks = segmenter(frames, read_prompt(frames, mask=mask, box=box, keyframe=keyframe))
+    keyframe = twin.manifest.source.keyframe or 0  # counts the frames that were kept, as here
+    prompt = read_prompt(frames, mask=mask, box=box, keyframe=frames.number(keyframe))
+    masks = segmenter(frames, prompt)
     chosen, queries = choose_points(twin, camera, masks.object[keyframe])
     report("tracking", 0.6)
     tracks = tracker(frames, queries, keyframe)

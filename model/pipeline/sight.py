@@ -1,7 +1,7 @@
 """A clip → what is seen in it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import get_args
 
@@ -14,8 +14,9 @@ from model.priors.base import PriorClient
 from model.prompt import read_prompt
 from model.reconstruction.cameras import calibrate
 from model.reconstruction.depth import DepthReconstructor
+from model.segmentation import Segmenter
 from model.stage_log import StageLog, Step
-from model.types import Array, Calibration, Frames, Gaussians, Masks, PartView, ShapeClass
+from model.types import Array, Calibration, Frames, Gaussians, Masks, PartView, Prompt, ShapeClass
 from model.video import read_video
 
 
@@ -47,7 +48,7 @@ def see(video: Path, options: TwinOptions, methods: Methods, log: StageLog) -> S
     segmenter, reconstructor, prior = methods.segmenter, methods.reconstructor, methods.prior
     frames = log.run("video", Step("pyav", "1"), lambda: read_video(video))
     prompt = read_prompt(frames, mask=options.mask, box=options.box, keyframe=options.keyframe)
-    masks = log.run("segmentation", segmenter, lambda: segmenter(frames, prompt))
+    masks = log.run("segmentation", segmenter, lambda: _segmented(segmenter, frames, prompt))
     keyframe, mask = frames.images[masks.keyframe], masks.object[masks.keyframe]
     shape_class = log.run("shape", *_shape(options.shape, prior, PartView(keyframe, mask, mask, "object")))
     depth = DepthReconstructor(options.depth).keyframe_depth(frames, masks) if options.depth else None
@@ -67,6 +68,12 @@ def see(video: Path, options: TwinOptions, methods: Methods, log: StageLog) -> S
         "reconstruction", reconstructor, lambda: reconstructor(frames, masks, calibration, shape_class)
     )
     return Sight(frames, masks, shape_class, calibration, gaussians)
+
+
+def _segmented(segmenter: Segmenter, frames: Frames, prompt: Prompt) -> Masks:
+    """The masks, with what is doubtful about the prompt among their warnings."""
+    masks = segmenter(frames, prompt)
+    return replace(masks, warnings=prompt.warnings + masks.warnings)
 
 
 def _shape(

@@ -75,8 +75,9 @@ def calibrate(
     """
     if size_m is not None and not (np.isfinite(size_m) and 1e-3 <= size_m <= 100.0):
         raise InputError(f"the size of the object must be between 0.001 and 100 m, found {size_m}")
-    if not masks.object[masks.keyframe].any():
-        raise InputError(f"{frames.name}: no object on keyframe {masks.keyframe}; give --mask or --box")
+    key = masks.keyframe
+    if not masks.object[key].any():
+        raise InputError(f"{frames.name}: no object on keyframe {frames.number(key)}; give --mask or --box")
     height, width = frames.images.shape[1:3]
     file = read_camera_file(camera_file, width, height) if camera_file else None
     if depth is not None and file is None:

@@ -45,7 +45,8 @@ class DepthReconstructor(Reconstructor):
     def keyframe_depth(self, frames: Frames, masks: Masks) -> Float64[Array, "H W"]:
         """Depth of the keyframe [m], 0 = missing: also what `calibrate` takes."""
         height, width = frames.images.shape[1:3]
-        return read_depth(self.path, masks.keyframe, len(frames.images), height, width)
+        number = frames.number(masks.keyframe)
+        return read_depth(self.path, number, frames.length, height, width, frames.source_size)
 
     def __call__(
         self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass

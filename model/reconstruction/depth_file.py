@@ -16,27 +16,43 @@ FARTHEST = 20.0
 """Depth beyond this [m] is a wrong unit, not a table-top scene."""
 
 
-def read_depth(path: Path, keyframe: int, frame_count: int, height: int, width: int) -> Float64[Array, "H W"]:
+def read_depth(
+    path: Path,
+    keyframe: int,
+    frame_count: int,
+    height: int,
+    width: int,
+    source_size: tuple[int, int] | None = None,
+) -> Float64[Array, "H W"]:
     """Depth of the keyframe [m], aligned to the colour image; 0 where nothing was measured.
 
     Args:
         path: One image (of the keyframe), or a folder with one per frame; the numbers in the names give
             the order (2 before 10).
-        keyframe: Which frame is wanted of a folder.
-        frame_count: Frames of the clip: a folder must hold as many.
+        keyframe: Which frame of the clip is wanted of a folder.
+        frame_count: Frames of the whole clip: a folder must hold as many.
         height: Of the clip's images [px].
         width: Of the clip's images [px].
+        source_size: Width and height of the clip itself [px], if its images were made smaller: depth of that
+            size is taken too.
 
     Raises:
         InputError: nothing readable there, another size than the clip, not 16-bit or not millimetres.
     """
     file = _of_folder(path, keyframe, frame_count) if path.is_dir() else path
     depth = _read(file)
-    if depth.shape != (height, width):
+    size = source_size or (width, height)
+    found = (depth.shape[1], depth.shape[0])
+    if found not in (size, (width, height)):
         raise InputError(
-            f"{file}: depth of {depth.shape[1]}×{depth.shape[0]} pixels does not fit the clip's "
-            f"{width}×{height}; align it to the colour camera"
+            f"{file}: depth of {found[0]}×{found[1]} pixels does not fit the clip's "
+            f"{size[0]}×{size[1]}; align it to the colour camera"
         )
+    if found != (width, height):
+        # The pixel at each one's middle: a mean across an edge would lie in the air between two things.
+        rows = ((np.arange(height) + 0.5) * found[1] / height).astype(int)
+        columns = ((np.arange(width) + 0.5) * found[0] / width).astype(int)
+        depth = depth[np.ix_(rows, columns)]
     metres = np.where(np.isfinite(depth) & (depth > 0), depth, 0.0) / 1000.0
     if not (metres > 0).any():
         raise InputError(f"{file}: no pixel has a depth")

@@ -33,10 +33,24 @@ def test_reads_grey_colour_and_transparent_masks(frames, tmp_path, channels):
 
 def test_a_mask_of_the_original_size_fits_a_clip_decoded_smaller(tmp_path):
     small = Frames(np.zeros((2, 40, 60, 3), np.uint8), np.arange(2) / 30.0, "c", "0" * 64, (), (120, 80))
-    prompt = read_prompt(small, mask=paint(tmp_path / "m.png", 120, 80), box=None, keyframe=1)
+    prompt = read_prompt(small, mask=paint(tmp_path / "m.png", 120, 80), box=None, keyframe=0)
     assert prompt.mask is not None
     assert prompt.mask.shape == (40, 60)
     assert read_prompt(small, mask=None, box=(10, 20, 40, 40), keyframe=None).box == (5, 10, 20, 20)
+
+
+def test_the_keyframe_counts_the_frames_of_the_clip_itself():
+    times = np.arange(4) / 10.0
+    pixels = np.zeros((4, 40, 60, 3), np.uint8)
+    thinned = Frames(pixels, times, "c", "0" * 64, numbers=np.array([0, 3, 6, 9]), clip_frames=12)
+    exact = read_prompt(thinned, mask=None, box=None, keyframe=6)
+    assert (exact.keyframe, exact.warnings) == (2, ())
+    near = read_prompt(thinned, mask=None, box=None, keyframe=4)
+    assert near.keyframe == 1
+    assert near.warnings == ("frame 4 was left out in thinning the clip: the keyframe is 3",)
+    for keyframe, said in ((12, "frames 0 to 11"), (11, "frames 0 to 6")):
+        with pytest.raises(InputError, match=said):
+            read_prompt(thinned, mask=None, box=None, keyframe=keyframe)
 
 
 def test_refusals_are_one_line(frames, tmp_path):
@@ -53,6 +67,7 @@ def test_refusals_are_one_line(frames, tmp_path):
         ({"box": (50, 0, 20, 20)}, "inside"),
         ({"box": (0, 0, 0, 5)}, "inside"),
         ({"keyframe": 4}, "frames 0 to 3"),
+        ({"keyframe": 3}, "nothing follows it in clip.mp4; choose one of the frames 0 to 2"),
         ({"mask": wrong, "box": (0, 0, 5, 5)}, "choose one"),
     ]
     for given, message in cases:

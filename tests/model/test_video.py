@@ -95,6 +95,22 @@ def test_too_many_frames_are_thinned_evenly_with_a_warning(tmp_path):
     assert len(frames.images) == 9
     np.testing.assert_allclose(np.diff(frames.times), 0.1, atol=2e-3)
     assert "25 frames" in frames.warnings[0]
+    assert [frames.number(index) for index in range(9)] == list(range(0, 25, 3))
+    assert (frames.length, frames.index(13), frames.index(24)) == (25, 4, 8)
+
+
+def test_frames_are_numbered_as_in_the_clip_where_one_repeats_a_time(tmp_path):
+    frames = read_video(write_clip(tmp_path / "a.mkv", moving(6), times=[0, 0.1, 0.1004, 0.2, 0.3, 0.4]))
+    assert len(frames.images) == 5
+    assert [frames.number(index) for index in range(5)] == [0, 1, 3, 4, 5]
+    assert frames.length == 6
+
+
+def test_a_nominal_rate_of_a_thousand_costs_no_frames(tmp_path):
+    times = [index / 10 for index in range(20)]
+    frames = read_video(write_clip(tmp_path / "a.mkv", moving(20), rate=1000, times=times), max_frames=30)
+    assert len(frames.images) == 20
+    assert frames.warnings == ()
 
 
 def test_probe_reads_the_header(tmp_path):

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
@@ -219,6 +221,32 @@ def test_given_times_are_resampled(tmp_path, clip):
     found = read_controllers(write(tmp_path / "given.npz", controllers=motion, times=times), *clip)
     expected = clip[0].times[4:, None] * np.array([1.0, 2.0, 3.0])
     np.testing.assert_allclose(found.motion[:, 0], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [2 * COUNT + 1, 2 * COUNT - 7])
+def test_given_motion_has_a_row_for_every_frame_of_a_thinned_clip(tmp_path, clip, rows):
+    frames, masks = clip
+    thinned = replace(frames, numbers=np.arange(0, 2 * COUNT, 2), clip_frames=2 * COUNT + 1)
+    motion = np.random.default_rng(0).normal(size=(rows, 3, 3))
+    found = read_controllers(write(tmp_path / "given.npz", controls=motion), thinned, masks)
+    whole = motion[rows - (2 * COUNT - 7) :]
+    np.testing.assert_allclose(found.motion, whole[:-1:2], atol=1e-6)
+
+
+@pytest.mark.parametrize("clock", [lambda t: 1000 * t, lambda t: 1.7e9 + t, lambda t: t / 60])
+def test_times_of_another_clock_are_refused(tmp_path, clip, clock):
+    times = clock(clip[0].times)
+    motion = np.zeros((COUNT, 1, 3))
+    with pytest.raises(InputError, match=r"given.npz: times run .* expected seconds on the clip's clock"):
+        read_controllers(write(tmp_path / "given.npz", controls=motion, times=times), *clip)
+
+
+def test_a_motion_that_ends_long_before_the_clip_is_doubted(tmp_path, clip):
+    motion, times = np.zeros((2, 1, 3)), np.array([0.0, clip[0].times[14]])
+    found = read_controllers(write(tmp_path / "given.npz", controls=motion, times=times), *clip)
+    assert found.warnings == (
+        "given.npz says nothing of 47% of the clip's time: the hand stands still there",
+    )
 
 
 @pytest.mark.parametrize(

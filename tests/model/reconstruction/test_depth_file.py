@@ -29,6 +29,17 @@ def test_a_folder_is_read_in_the_order_of_its_numbers(tmp_path):
     assert read_depth(tmp_path, 10, 12, 30, 40)[0, 0] == pytest.approx(0.510)
 
 
+def test_depth_of_the_clips_own_size_is_taken_where_its_images_were_made_smaller(tmp_path):
+    raw = np.kron(np.array([[500, 900], [700, 0]]), np.ones((30, 40))).astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "d.png"), raw)
+    depth = read_depth(tmp_path / "d.png", 0, 1, 30, 40, source_size=(80, 60))
+    assert depth.shape == (30, 40)
+    assert set(np.unique(depth)) == {0.0, 0.5, 0.7, 0.9}, "no mixtures"
+    assert (depth[:15, :20] == 0.5).all()
+    with pytest.raises(InputError, match="does not fit the clip's 100×75"):
+        read_depth(tmp_path / "d.png", 0, 1, 30, 40, source_size=(100, 75))
+
+
 def test_missing_and_bad_numbers_become_zero(tmp_path):
     raw = millimetres().astype(np.float64)
     raw[0, :3] = [np.nan, np.inf, -5.0]
