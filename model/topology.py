@@ -47,7 +47,8 @@ def build_topology(
     than a dozen per section in a rope). Each weighs what the Gaussians nearest to it weigh. How many
     springs a point asks for and how long they may be follow from its part's material (softer or denser:
     more; harder or sparser: fewer) and from the local spacing. Springs run inside the body only; few cross
-    from part to part; everything is one piece. Controllers hold the points nearest to where they start.
+    from part to part; everything is one piece. Controllers hold the points nearest to where they start,
+    and nothing where they start out of reach of all of them.
 
     Args:
         gaussians: The body.
@@ -121,7 +122,7 @@ def _springs(
 def _hold(
     points: Float64[Array, "N 3"], controllers: Controllers
 ) -> tuple[Int32[Array, "S 2"], Float32[Array, " S"], list[str]]:
-    """Springs from each controller to the points nearest to it, none of them without length."""
+    """Springs from each controller in reach to the points nearest to it, none of them without length."""
     starts = controllers.motion[0].astype(np.float64)
     if len(starts) == 0:
         return np.zeros((0, 2), np.int32), np.zeros(0, np.float32), []
@@ -135,8 +136,11 @@ def _hold(
     held = long_enough & near
     held[~held.any(axis=1), -1] = True
     held &= np.cumsum(held, axis=1) <= GRIP_SPRINGS
-    far = int((distance[:, 0] > GRIP_REACH * spacing).sum())
-    warnings = [f"topology: {far} controller point(s) start away from the object"] if far else []
+    away = distance[:, 0] > GRIP_REACH * spacing
+    held[away] = False
+    far, reach = int(away.sum()), GRIP_REACH * spacing
+    warnings = [f"topology: {far} controller point(s) start more than {reach:.3f} m away and hold nothing"]
+    warnings = warnings if far else []
     owner = np.repeat(np.arange(len(starts))[:, None], wanted, axis=1)
     pairs = np.stack([owner[held], index[held]], axis=1).astype(np.int32)
     return pairs, distance[held].astype(np.float32), warnings

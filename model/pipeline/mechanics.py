@@ -2,6 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+
+from scipy.spatial import cKDTree
 
 from model.bundle import TwinBundle
 from model.controllers import find_controllers, grip_paths, read_controllers
@@ -20,7 +23,7 @@ from model.stage_log import StageLog, Step
 from model.timing import evenly_timed
 from model.topology import build_topology
 from model.tracking.queries import sample_queries
-from model.types import Controllers, Parameters, Tracks
+from model.types import Controllers, Parameters, Topology, Tracks
 
 TRACK_COUNT = 300
 """Pixels of the object that are followed through the clip."""
@@ -57,6 +60,8 @@ def mechanise(
             seed=options.seed,
         ),
     )
+    if options.controllers is not None:
+        _check_hold(options.controllers, topology)
     first = log.run(
         "prior parameters",
         PriorMeanPredictor(),
@@ -78,6 +83,17 @@ def mechanise(
     parameters = log.run("parameters", predictor, lambda: _predict(bundle, sight, matter, tracks, predictor))
     described = describe_parts(matter.views, matter.priors, matter.parts, topology, parameters)
     return replace(bundle, parameters=parameters, parts=described)
+
+
+def _check_hold(path: Path, topology: Topology) -> None:
+    """Refuse a motion that moves nothing: it is meant to, so its world or its unit is another."""
+    starts = topology.controller_points
+    if len(starts) and not len(topology.controller_springs):
+        nearest = float(cKDTree(topology.points).query(starts)[0].min())
+        raise InputError(
+            f"{path.name}: none of its {len(starts)} controllers starts at the object, the nearest is "
+            f"{nearest:.3g} m from it: expected metres in the twin's world, which a --camera file fixes"
+        )
 
 
 def _gripped(

@@ -182,10 +182,17 @@ def test_controllers_hold_firmly_and_never_by_a_spring_without_length():
     length = np.linalg.norm(np.float32(grips)[owner] - topology.points[point], axis=1)
     np.testing.assert_allclose(topology.controller_rest_length, length, atol=1e-6)
     np.testing.assert_allclose(topology.controller_points, np.float32(grips))
-    far = build(means, grips=[[0.5, 0.5, 0.5]], point_count=100)
-    assert len(far.controller_springs) >= 1
-    assert "1 controller point(s) start away" in far.warnings[0]
     assert build(means, point_count=100).controller_springs.shape == (0, 2)
+
+
+def test_a_controller_out_of_reach_holds_nothing():
+    means = grid(8, 6, 6)
+    far = build(means, grips=[[0.5, 0.5, 0.5], means[0]], point_count=100)
+    assert set(far.controller_springs[:, 0]) == {1}
+    assert len(far.controller_points) == 2
+    assert "1 controller point(s) start more than" in far.warnings[0]
+    alone = build(means, grips=[[0.5, 0.5, 0.5]], point_count=100)
+    assert alone.controller_springs.shape == (0, 2)
 
 
 def test_same_seed_same_topology():

@@ -161,6 +161,14 @@ def test_what_the_user_says_counts(plush_clip, wishes: TwinOptions, bundle: Twin
     assert x[-1].mean() > x[0].mean() + 0.01
 
 
+def test_a_hand_that_is_nowhere_near_the_object_is_refused(plush_clip, wishes: TwinOptions, tmp_path: Path):
+    with np.load(wishes.controllers) as given:
+        np.savez(tmp_path / "mm.npz", controllers=1000 * given["controllers"])
+    away = replace(wishes, controllers=tmp_path / "mm.npz")
+    with pytest.raises(InputError, match=r"mm.npz: none of its 2 controllers starts at the object"):
+        build_twin(plush_clip.path, away, lambda stage, share: None)
+
+
 def test_a_box_and_a_size_are_enough_to_say(plush_clip):
     options = TwinOptions(box=(55, 50, 85, 75), size_m=0.6, points=POINTS, keyframe=0)
     twin = build_twin(plush_clip.path, options, lambda stage, share: None).bundle
