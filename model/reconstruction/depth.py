@@ -23,6 +23,8 @@ from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, Sh
 
 FLYING = 0.02
 """A pixel that differs from its neighbourhood's median by more than this share of its depth flies."""
+NOISE = 0.02
+"""A sheet that lies on the ground is measured at most this far below it [m]."""
 
 
 class DepthReconstructor(Reconstructor):
@@ -54,7 +56,8 @@ class DepthReconstructor(Reconstructor):
         """Reconstruct the object on the keyframe.
 
         Raises:
-            InputError: the depth does not fit the clip, or hardly any of the object was measured.
+            InputError: the depth does not fit the clip, hardly any of the object was measured, or most of
+                it lies below the ground.
         """
         object_mask = masks.object[masks.keyframe]
         mask = completed_mask(object_mask, masks.hand[masks.keyframe])
@@ -64,11 +67,20 @@ class DepthReconstructor(Reconstructor):
                 f"{self.path}: only {measured:.0%} of the object has a depth; use silhouette instead"
             )
         camera = calibration.camera
+        pixel = float(np.median(front[mask])) / float(camera.intrinsics[0, 0])
+        # A body needs a pixel's worth of height; a sheet may lie on the ground itself.
+        above = share_above_ground(
+            front, mask, calibration, -NOISE if shape_class == "sheet" else 0.5 * pixel
+        )
+        if above < 0.5:
+            raise InputError(
+                f"{self.path}: only {above:.0%} of the object's depth lies above the ground; check the depth and "
+                "the camera file's pose and ground_height, or give --shape sheet if the object lies flat"
+            )
         if shape_class == "sheet":
             filling = _sheet(front, mask, camera)
         else:
             volume = body_behind(front, mask, calibration)
-            pixel = float(np.median(front[mask])) / float(camera.intrinsics[0, 0])
             filling = fill(volume, pixel, floor=calibration.ground_height)
         colors = colors_from_image(filling, camera, frames.images[masks.keyframe], object_mask)
         doubts: tuple[str, ...] = ()
@@ -116,6 +128,17 @@ def surface_depth(
     smooth = cv2.GaussianBlur(np.where(mask, front, 0.0).astype(np.float32), (0, 0), 1.2)
     smooth = smooth / np.maximum(weight, 1e-6)
     return np.where(mask, smooth, front).astype(np.float64), min(share, 1.0)
+
+
+def share_above_ground(
+    front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibration: Calibration, height: float
+) -> float:
+    """Share of the visible surface that lies at least `height` [m] above the ground."""
+    if calibration.ground_height is None:
+        return 1.0
+    rows, columns = np.nonzero(mask)
+    points = calibration.camera.unproject(np.stack([columns, rows], -1).astype(np.float64), front[mask])
+    return float((points[:, 2] >= calibration.ground_height + height).mean())
 
 
 def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibration: Calibration) -> Volume:

@@ -76,6 +76,17 @@ def test_flying_pixels_and_holes_do_not_reach_the_surface(scene_of):
     assert error.max() < 0.03
 
 
+@pytest.mark.parametrize(("shape_class", "sunk"), [("solid", 0.0), ("rope", 0.1), ("sheet", 0.1)])
+def test_an_object_on_or_below_the_ground_is_refused(scene_of, written, shape_class, sunk):
+    scene = scene_of([((0, 0, 0.05), (0.05, 0.05, 0.05))])
+    rays = scene.camera.unproject(np.argwhere(scene.mask)[:, ::-1].astype(float), np.ones(scene.mask.sum()))
+    ground = -scene.camera.position[2] / (rays - scene.camera.position)[:, 2]
+    depth = scene.depth.copy()
+    depth[scene.mask] = ground + 1e-3 + sunk
+    with pytest.raises(InputError, match="of the object's depth lies above the ground"):
+        run(scene, written(depth), shape_class)
+
+
 def test_an_object_without_depth_is_refused(scene_of, written):
     scene = scene_of([((0, 0, 0.05), (0.05, 0.05, 0.05))])
     with pytest.raises(InputError, match="0% of the object"):
