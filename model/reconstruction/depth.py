@@ -74,8 +74,8 @@ class DepthReconstructor(Reconstructor):
         )
         if above < 0.5:
             raise InputError(
-                f"{self.path}: only {above:.0%} of the object's depth lies above the ground; check the depth and "
-                "the camera file's pose and ground_height, or give --shape sheet if the object lies flat"
+                f"{self.path}: only {above:.0%} of the object's depth lies above the ground; check the depth "
+                "and the camera file's pose and ground_height, or give --shape sheet if the object lies flat"
             )
         if shape_class == "sheet":
             filling = _sheet(front, mask, camera)

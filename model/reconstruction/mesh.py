@@ -1,5 +1,6 @@
 """A mesh of the object, aligned to the keyframe and filled with Gaussians."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -56,10 +57,11 @@ class MeshReconstructor(Reconstructor):
             colors = colors_from_image(filling, calibration.camera, image, object_mask)
         gaussians = filling.painted(colors)
         score = overlap(silhouette_of(gaussians, calibration.camera), mask)
-        if score >= POOR_OVERLAP:
-            return gaussians
-        note = f"the mesh {self.path.name} fits the keyframe's mask with an overlap of only {score:.2f}"
-        return filling.painted(colors, (note,))
+        doubts = self.surface.warnings
+        if score < POOR_OVERLAP:
+            poor = f"the mesh {self.path.name} fits the keyframe's mask with an overlap of only {score:.2f}"
+            doubts += (poor,)
+        return replace(gaussians, warnings=doubts)
 
     def extent(
         self, frames: Frames, masks: Masks, calibration: Calibration, shape_class: ShapeClass

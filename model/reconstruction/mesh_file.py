@@ -3,7 +3,7 @@
 import hashlib
 import io
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ FORMATS = {".glb": "glb", ".obj": "obj", ".ply": "ply"}
 MAXIMUM_BYTES = 200_000_000
 MAXIMUM_FACES = 3_000_000
 SAMPLES = 120_000
+POINTERS = (b"mtllib", b"TextureFile")
+"""How an OBJ and a PLY name the file that their colours are in."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Surface:
     """Outward unit normals."""
     colors: Float64[Array, "N 3"] | None
     """RGB 0..1, None where the mesh has none."""
+    warnings: tuple[str, ...] = ()
 
 
 def read_mesh(path: Path) -> tuple[Surface, str]:
@@ -58,7 +61,13 @@ def read_mesh(path: Path) -> tuple[Surface, str]:
         )
     if len(mesh.faces) == 0 or not np.isfinite(mesh.vertices).all():
         raise InputError(f"{path}: the mesh has no faces or vertices that are not finite; export it again")
-    return _sampled(mesh, path), hashlib.sha256(data).hexdigest()
+    surface = _sampled(mesh, kind, path)
+    if surface.colors is None and kind != "glb" and any(pointer in data for pointer in POINTERS):
+        note = (
+            f"the colours of {path.name} are in another file, which is not read: they are taken from the clip"
+        )
+        surface = replace(surface, warnings=(f"{note}; a GLB holds its textures itself",))
+    return surface, hashlib.sha256(data).hexdigest()
 
 
 def _loaded(data: bytes, kind: str, path: Path) -> trimesh.Trimesh:
@@ -77,7 +86,7 @@ def _loaded(data: bytes, kind: str, path: Path) -> trimesh.Trimesh:
     return mesh
 
 
-def _sampled(mesh: trimesh.Trimesh, path: Path) -> Surface:
+def _sampled(mesh: trimesh.Trimesh, kind: str, path: Path) -> Surface:
     low, high = mesh.bounds
     extent = float((high - low).max())
     if extent <= 0:
@@ -87,16 +96,18 @@ def _sampled(mesh: trimesh.Trimesh, path: Path) -> Surface:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         points, faces = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
-        colors = _colors(mesh, points, faces)
+        colors = _colors(mesh, kind, points, faces)
     centred = (np.asarray(points, np.float64) - 0.5 * (low + high)) / extent
     return Surface(centred, np.asarray(mesh.face_normals[faces], np.float64), colors)
 
 
-def _colors(mesh: trimesh.Trimesh, points: Array, faces: Array) -> Float64[Array, "N 3"] | None:
-    """Colours (0..1) at sampled points, from the texture or the vertices."""
-    if not mesh.visual.defined:
-        return None
+def _colors(mesh: trimesh.Trimesh, kind: str, points: Array, faces: Array) -> Float64[Array, "N 3"] | None:
+    """Colours (0..1) at sampled points, from the texture, the material or the vertices, if any is given."""
     visual = mesh.visual
+    if not visual.defined:
+        return None
+    if visual.kind == "texture" and kind != "glb":
+        return None  # its picture is another file, in whose place trimesh puts a grey one
     corners = np.asarray(mesh.triangles)[faces]
     weights = trimesh.triangles.points_to_barycentric(corners, points)
     if visual.kind == "texture":
@@ -110,7 +121,10 @@ def _colors(mesh: trimesh.Trimesh, points: Array, faces: Array) -> Float64[Array
             row = np.floor((1.0 - uv[:, 1] % 1.0) * texel.shape[0]).astype(int) % texel.shape[0]
             textured: Float64[Array, "N 3"] = texel[row, column]
             return textured
-        visual = visual.to_color()
+        if getattr(visual.material, "baseColorFactor", None) is None:
+            return None  # trimesh would call it grey
+        plain = np.asarray(visual.material.main_color, np.float64)[:3] / 255.0
+        return np.tile(plain, (len(points), 1))
     vertex = np.asarray(visual.vertex_colors, np.float64)[:, :3] / 255.0
     blended: Float64[Array, "N 3"] = np.einsum("nc,ncd->nd", weights, vertex[mesh.faces[faces]])
     return blended

@@ -99,7 +99,29 @@ def test_other_files_are_not_opened(tmp_path, box):
     secret = tmp_path / "secret.mtl"
     secret.write_text("newmtl red\nKd 1 0 0\n")
     path = tmp_path / "box.obj"
-    box.export(path)
-    path.write_text("mtllib secret.mtl\nusemtl red\n" + path.read_text())
+    corners = "vt 0 0\nvt 1 0\nvt 0 1\n"
+    faces = "".join(f"f {a + 1}/1 {b + 1}/2 {c + 1}/3\n" for a, b, c in box.faces)
+    places = "".join(f"v {x} {y} {z}\n" for x, y, z in box.vertices)
+    path.write_text(f"mtllib secret.mtl\n{places}{corners}usemtl red\n{faces}")
+    beside = trimesh.load(path)
+    assert np.allclose(beside.visual.material.main_color, [255, 0, 0, 255]), "red, if it were read"
     surface, _ = read_mesh(path)
-    assert surface.colors is None or not np.allclose(surface.colors, [1, 0, 0])
+    assert surface.colors is None, "neither red nor the grey that stands for what was not read"
+    assert surface.warnings == (
+        "the colours of box.obj are in another file, which is not read: they are taken from the clip; "
+        "a GLB holds its textures itself",
+    )
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(None, None), ([255, 0, 0, 255], [1, 0, 0])])
+def test_a_material_counts_where_it_names_a_colour(tmp_path, box, factor, expected):
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=factor)
+    box.visual = trimesh.visual.TextureVisuals(uv=np.zeros((len(box.vertices), 2)), material=material)
+    path = tmp_path / "box.glb"
+    box.export(path)
+    surface, _ = read_mesh(path)
+    assert surface.warnings == ()
+    if expected is None:
+        assert surface.colors is None
+    else:
+        np.testing.assert_allclose(surface.colors[0], expected, atol=0.01)
