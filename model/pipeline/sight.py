@@ -62,6 +62,7 @@ def see(video: Path, options: TwinOptions, methods: Methods, log: StageLog) -> S
             size_m=options.size_m,
             extent=lambda world: reconstructor.extent(frames, masks, world, shape_class),
             depth=depth,
+            shape_from_depth=isinstance(reconstructor, DepthReconstructor),
         ),
     )
     gaussians = log.run(

@@ -14,8 +14,8 @@ scale       depth; ``size_m`` given by the user; pose and ground of the camera f
 
 ``size_m`` is the largest extent of the object on the keyframe, of a mesh the longest side of its box. Given
 explicitly it overrules a camera file's
-pose (the camera then moves along its ray to the object until the object has that size), but not depth,
-which measures lengths: there it is ignored with a warning.
+pose (the camera then moves along its ray to the object until the object has that size), but not depth that
+is used, for it measures lengths: there it is ignored with a warning.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ from model.reconstruction.gravity import (
     tilt_from_lines,
 )
 from model.reconstruction.ground import ground_from_depth
-from model.reconstruction.scale import DEFAULT_SIZE, Extent, centred, floating, meets, sized
+from model.reconstruction.scale import DEFAULT_SIZE, Extent, centred, floating, ignored, meets, sized
 from model.reconstruction.support import Support, background_of, find_support
 from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks
 
@@ -54,6 +54,7 @@ def calibrate(
     size_m: float | None,
     extent: Extent,
     depth: Float[Array, "H W"] | None = None,
+    shape_from_depth: bool = False,
 ) -> Calibration:
     """Fix camera, gravity, ground and scale for the keyframe.
 
@@ -68,6 +69,7 @@ def calibrate(
         size_m: Largest extent of the object [m], if the user knows it.
         extent: Measures it in a world.
         depth: Depth of the keyframe [m], aligned to the colour image, 0 = missing; needs intrinsics.
+        shape_from_depth: Whether the object is reconstructed from that depth, too, and so has its lengths.
 
     Raises:
         InputError: the camera file is wrong, the size is not a positive number, or the keyframe shows
@@ -82,16 +84,11 @@ def calibrate(
     file = read_camera_file(camera_file, width, height) if camera_file else None
     if depth is not None and file is None:
         raise InputError("depth needs a camera file with the intrinsics it was taken with; give --camera")
-    doubts: tuple[str, ...] = ()
-    if depth is not None and size_m is not None:
-        size_m, doubts = None, (f"the stated size of {size_m:g} m is ignored: depth measures lengths",)
     if file is not None and file.world_from_camera is not None:
-        result = _posed(frames, masks, file, size_m, extent, depth)
-    elif file is not None and depth is not None:
-        result = _from_depth(frames, masks, file, extent, depth)
-    else:
-        result = _from_image(frames, masks, file, size_m, extent)
-    return replace(result, warnings=doubts + result.warnings)
+        return _posed(frames, masks, file, size_m, extent, depth, shape_from_depth)
+    if file is not None and depth is not None:
+        return _from_depth(frames, masks, file, size_m, extent, depth)
+    return _from_image(frames, masks, file, size_m, extent)
 
 
 def _posed(
@@ -101,6 +98,7 @@ def _posed(
     size_m: float | None,
     extent: Extent,
     depth: Float[Array, "H W"] | None,
+    shape_from_depth: bool,
 ) -> Calibration:
     """A pose is given: it fixes gravity, and with a ground also the scale."""
     assert file.world_from_camera is not None
@@ -112,13 +110,26 @@ def _posed(
         camera, file.gravity, ground, "pose and ground of the camera file", "camera file (pose)", source
     )
     if ground is None:
-        calibration = replace(calibration, ground_source="none: the camera file names no ground in view")
+        unused = "the position in the camera file is not used, for no ground in view ties it to the object"
+        calibration = replace(
+            calibration,
+            camera_source="camera file (intrinsics and rotation; position from the object)",
+            ground_source="none: the camera file names no ground in view",
+            warnings=(
+                f"{unused}: the world's origin is the object's middle; give ground_height if there is one",
+            ),
+        )
         return floating(masks, calibration, size_m, extent, _object_depth(depth, masks))
     if not meets(camera, masks.object[masks.keyframe], ground):
         raise InputError(
             f"the camera file's ground_height {ground:g} is not where the camera looks at the object; check "
             "world_from_camera and the direction of gravity"
         )
+    if shape_from_depth:
+        return replace(calibration, warnings=ignored(size_m))
+    if depth is not None:
+        unused = "depth is not used: the camera file's pose and ground fix the scale"
+        calibration = replace(calibration, warnings=(unused,))
     return calibration if size_m is None else sized(masks, calibration, size_m, "stated", extent)
 
 
@@ -126,6 +137,7 @@ def _from_depth(
     frames: Frames,
     masks: Masks,
     file: CameraFile,
+    size_m: float | None,
     extent: Extent,
     depth: Float[Array, "H W"],
 ) -> Calibration:
@@ -135,7 +147,7 @@ def _from_depth(
     if plane is None:
         result = _from_image(frames, masks, file, None, extent, grounded=False)
         result = replace(result, ground_source="none: no plane in the depth around the object")
-        return floating(masks, result, None, extent, _object_depth(depth, masks))
+        return floating(masks, result, size_m, extent, _object_depth(depth, masks))
     pose = _pose_over_ground(plane.up, plane.camera_height)
     camera = centred(_camera(file.intrinsics, pose, frames), masks.object[key])
     near = f"{plane.inliers:.0%} within {plane.tolerance * 1e3:.0f} mm"
@@ -146,6 +158,7 @@ def _from_depth(
         "depth in millimetres",
         "intrinsics from the camera file, gravity from the plane under the object in depth",
         f"plane fitted to depth around the object ({near})",
+        ignored(size_m),
     )
 
 

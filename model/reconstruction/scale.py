@@ -49,18 +49,23 @@ def floating(
         calibration: Its camera's rotation is kept, its position is not.
         size_m: Largest extent of the object [m], if stated.
         extent: Measures it.
-        measured: Depth of the object [m], if known; a stated size overrules it.
+        measured: Depth of the object [m], if known; it overrules a stated size, with a warning.
     """
     mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
     camera = _facing(calibration.camera, mask, 1.0)
-    if size_m is None and measured is not None:
-        source = "depth in millimetres"
-        return replace(calibration, camera=_facing(camera, mask, measured), scale_source=source)
+    if measured is not None:
+        camera, doubts = _facing(camera, mask, measured), calibration.warnings + ignored(size_m)
+        return replace(calibration, camera=camera, scale_source="depth in millimetres", warnings=doubts)
     size = size_m or DEFAULT_SIZE
     depth = size / extent(replace(calibration, camera=camera))
     stated = "stated" if size_m is not None else "assumed"
     source = f"{stated}: the object's largest extent is {size:g} m"
     return replace(calibration, camera=_facing(camera, mask, depth), scale_source=source)
+
+
+def ignored(size_m: float | None) -> tuple[str, ...]:
+    """What to say of a size that is stated (or not) where depth measures lengths."""
+    return () if size_m is None else (f"the stated size of {size_m:g} m is ignored: depth measures lengths",)
 
 
 def foot_of(camera: Camera, mask: Bool[Array, "H W"], ground: float) -> Float64[Array, " 3"]:

@@ -25,7 +25,7 @@ def camera_file(tmp_path):
     return write
 
 
-def run(scene, file=None, size=None, shape_class="solid", depth=None):
+def run(scene, file=None, size=None, shape_class="solid", depth=None, filled=False):
     return calibrate(
         scene.frames,
         scene.masks,
@@ -33,6 +33,7 @@ def run(scene, file=None, size=None, shape_class="solid", depth=None):
         size_m=size,
         extent=lambda world: silhouette_extent(scene.masks, world, shape_class),
         depth=depth,
+        shape_from_depth=filled,
     )
 
 
@@ -58,6 +59,9 @@ def test_a_pose_that_looks_up_leaves_no_ground(teddy, camera_file):
     pose[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]  # level, at the height of the ground
     result = run(teddy, camera_file(replace(teddy.camera, world_from_camera=pose)))
     assert result.ground_height is None
+    assert "position from the object" in result.camera_source
+    np.testing.assert_allclose(result.camera.world_from_camera[:3, :3], pose[:3, :3], atol=1e-12)
+    assert [w for w in result.warnings if "the position in the camera file is not used" in w]
     with pytest.raises(InputError, match="ground_height"):
         run(teddy, camera_file(replace(teddy.camera, world_from_camera=pose), ground_height=0.0))
 
@@ -119,6 +123,19 @@ def test_depth_measures_so_a_stated_size_is_ignored(scene_of, camera_file):
     plain, sized = (run(scene, file, size=size, depth=scene.depth) for size in (None, 2.0))
     np.testing.assert_array_equal(plain.camera.world_from_camera, sized.camera.world_from_camera)
     assert any("ignored" in warning for warning in sized.warnings)
+
+
+def test_depth_that_is_not_used_leaves_a_stated_size_its_place(teddy, scene_of, camera_file):
+    file = camera_file(teddy.camera, ground_height=0.0)
+    outline = run(teddy, file, size=0.6, depth=teddy.depth)
+    assert extent_of(teddy.mask, outline, "solid") == pytest.approx(0.6, rel=1e-3)
+    assert "depth is not used: the camera file's pose and ground fix the scale" in outline.warnings
+    filled = run(teddy, file, size=0.6, depth=teddy.depth, filled=True)
+    np.testing.assert_allclose(filled.camera.position, teddy.camera.position, atol=1e-12)
+    assert filled.warnings == ("the stated size of 0.6 m is ignored: depth measures lengths",)
+    scene = scene_of([((0, 0, 0), (0.06, 0.06, 0.06))], table=False)
+    hole = run(scene, camera_file(scene.camera, pose=False), size=0.12, depth=np.zeros(scene.mask.shape))
+    assert hole.scale_source == "stated: the object's largest extent is 0.12 m"
 
 
 def test_depth_without_a_plane_still_fixes_the_distance(scene_of, camera_file):
