@@ -78,6 +78,7 @@ def matphys(context: click.Context, debug: bool) -> None:
 @click.option(
     "--preview", type=OutputFile, metavar="MP4", help="Also write the preview as a file of its own."
 )
+@click.option("--fps", type=float, metavar="N", help="Frames per second of a folder of images (30).")
 @click.option("--mask", type=InputFile, metavar="PNG", help="The object on the keyframe, white on black.")
 @click.option("--box", callback=_box, metavar="x,y,w,h", help="A box around the object on the keyframe [px].")
 @click.option("--keyframe", type=click.IntRange(min=0), metavar="N", help="The frame to reconstruct from.")
@@ -206,11 +207,13 @@ def simulate(
     "--out", type=OutputFile, required=True, metavar="OBSERVATION.npz", help="Where the observation goes."
 )
 @click.option("--twin", type=InputFile, metavar="TWIN", help="The twin of the clip SOURCE.")
-@click.option("--fps", type=float, metavar="N", help="Frames per second of a PhysTwin case (30).")
+@click.option(
+    "--fps", type=float, metavar="N", help="Frames per second of a PhysTwin case or folder of images (30)."
+)
 @click.option("--mask", type=InputFile, metavar="PNG", help="The object on the keyframe, white on black.")
 @click.option("--box", callback=_box, metavar="x,y,w,h", help="A box around the object on the keyframe [px].")
-@click.option("--segmentation", default="classical", metavar="NAME", help="Method: classical, sam2.")
-@click.option("--tracking", default="opencv", metavar="NAME", help="Method: opencv, cotracker.")
+@click.option("--segmentation", metavar="NAME", help="Method: classical, sam2.")
+@click.option("--tracking", metavar="NAME", help="Method: opencv, cotracker.")
 @click.option(
     "--json", "as_json", is_flag=True, help="Print the result as JSON, and nothing else, on stdout."
 )
@@ -222,8 +225,8 @@ def observe(
     fps: float | None,
     mask: Path | None,
     box: tuple[int, int, int, int] | None,
-    segmentation: str,
-    tracking: str,
+    segmentation: str | None,
+    tracking: str | None,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -238,12 +241,18 @@ def observe(
 
             if source.suffix != ".pkl":
                 raise InputError(f"{source.name}: expected a .pkl of PhysTwin, or a clip with its --twin")
+            given = {"mask": mask, "box": box, "segmentation": segmentation, "tracking": tracking}
+            if unused := [f"--{name}" for name, value in given.items() if value is not None]:
+                raise InputError(
+                    f"{', '.join(unused)}: only for a clip with its --twin, not for {source.name}"
+                )
             observation = observe_phystwin(source, FPS if fps is None else fps)
         else:
             from model.pipeline import observe as run
 
             default_to_one_thread()
-            observation = run(source, twin, segmentation, tracking, mask, report, box)
+            methods = segmentation or "classical", tracking or "opencv"
+            observation = run(source, twin, *methods, mask, report, box, fps)
         write_observation(out, observation)
     frames, points = observation.points.shape[:2]
     if as_json:

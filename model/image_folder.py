@@ -21,6 +21,8 @@ def read_folder(path: Path, max_frames: int, max_pixels: int, max_seconds: float
     Raises:
         InputError: the folder holds no such images, or they are damaged, too many or too large.
     """
+    if not 0 < fps < np.inf:
+        raise InputError(f"{path.name}: --fps {fps:g}: expected a positive number of frames per second")
     numbered = [
         (int(numbers[-1]), file)
         for file in sorted(path.iterdir())

@@ -30,6 +30,8 @@ VIDEO_SUFFIXES: Final = ".mp4, .mov, .mkv, .webm or .avi"
 MAX_FRAMES: Final = 300
 MAX_PIXELS: Final = 4096 * 2304
 MAX_SECONDS: Final = 60.0
+FOLDER_FPS: Final = 30.0
+"""Of a folder of images whose frame rate nobody tells [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def read_video(
     max_frames: int = MAX_FRAMES,
     max_pixels: int = MAX_PIXELS,
     max_seconds: float = MAX_SECONDS,
-    fps: float = 30.0,
+    fps: float | None = None,
 ) -> Frames:
     """Decode a clip, upright, at a working size of at most 960 px on the longest side.
 
@@ -78,14 +80,17 @@ def read_video(
         max_frames: Frames kept at most.
         max_pixels: Pixels of one coded frame at most.
         max_seconds: Duration at most [s].
-        fps: Frame rate of a folder of images [1/s]; a video file carries its own times.
+        fps: Frame rate of a folder of images [1/s], `FOLDER_FPS` if not given; a video file carries its own
+            times.
 
     Raises:
         InputError: the clip cannot be used; one line says why.
     """
     path = Path(path)
     if path.is_dir():
-        return read_folder(path, max_frames, max_pixels, max_seconds, fps)
+        return read_folder(path, max_frames, max_pixels, max_seconds, FOLDER_FPS if fps is None else fps)
+    if fps is not None:
+        raise InputError(f"{path.name}: --fps is for a folder of images; a video file carries its own times")
     path = _existing_file(path)
     with _opened(path) as container:
         stream = _video_stream(container, path)

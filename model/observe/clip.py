@@ -34,6 +34,7 @@ def observe_clip(
     *,
     mask: Path | None = None,
     box: tuple[int, int, int, int] | None = None,
+    fps: float | None = None,
 ) -> Observation:
     """Observe what moved in the clip that a twin was made from, from the twin's keyframe on.
 
@@ -45,6 +46,7 @@ def observe_clip(
         report: Told which stage begins and how far the whole is.
         mask: The object on the keyframe, as for `matphys twin`.
         box: A box around it [px].
+        fps: Frame rate of a clip that is a folder of images [1/s].
 
     Raises:
         InputError: the twin has no camera, or clip and twin do not fit each other.
@@ -55,7 +57,7 @@ def observe_clip(
             "twin.json: source.camera is missing: points of the image cannot be lifted without it"
         )
     report("video", 0.0)
-    frames = read_video(video)
+    frames = read_video(video, fps=fps)
     _check_same(frames, twin)
     report("segmentation", 0.1)
     keyframe = twin.manifest.source.keyframe or 0  # counts the frames that were kept, as here
@@ -75,6 +77,9 @@ def _check_same(frames: Frames, twin: TwinBundle) -> None:
     source = twin.manifest.source
     if source.sha256 is not None and source.sha256 != frames.sha256:
         warnings.warn(f"{frames.name} is not the clip that the twin was made from", stacklevel=3)
+    if source.fps is not None and abs(frames.fps - source.fps) > 0.01 * source.fps:
+        rates = f"{frames.fps:.3g} frames per second here, {source.fps:.3g} in the twin"
+        warnings.warn(f"{frames.name}: {rates}; of a folder of images --fps says how many", stacklevel=3)
     if source.keyframe is not None and source.keyframe >= len(frames.images) - 1:
         found = f"found {len(frames.images)} frames and keyframe {source.keyframe}"
         raise InputError(f"{frames.name}: expected the clip to go on after the keyframe of the twin, {found}")

@@ -53,6 +53,10 @@ def choose(options: TwinOptions) -> Methods:
 
 def _reconstructor(options: TwinOptions) -> Reconstructor:
     """The method the user named, or the one that what they gave is for."""
+    if options.mesh and options.reconstruction not in (None, "mesh"):
+        raise InputError(
+            f"--reconstruction {options.reconstruction} has no use for --mesh: choose one of them"
+        )
     name = options.reconstruction or ("mesh" if options.mesh else "depth" if options.depth else "silhouette")
     method = by_name(ALL_RECONSTRUCTORS, name, "reconstruction")
     if method is MeshReconstructor:

@@ -19,6 +19,7 @@ def observe(
     mask: Path | None,
     report: StageReport,
     box: tuple[int, int, int, int] | None = None,
+    fps: float | None = None,
 ) -> Observation:
     """Say what really moved in a clip, as the twin of that clip sees it.
 
@@ -30,10 +31,12 @@ def observe(
         mask: The object on the keyframe, white on black.
         report: Told which stage begins and how far the whole is.
         box: Around the object on the keyframe, x, y, width, height [px].
+        fps: Frame rate of a clip that is a folder of images [1/s].
 
     Raises:
         InputError: they do not belong together, or cannot be used; the message is one line.
     """
     segmenter = by_name(ALL_SEGMENTERS, segmentation, "segmentation")()
     tracker = by_name(ALL_TRACKERS, tracking, "tracking")()
-    return observe_clip(video, TwinBundle.load(twin), segmenter, tracker, report, mask=mask, box=box)
+    bundle = TwinBundle.load(twin)
+    return observe_clip(video, bundle, segmenter, tracker, report, mask=mask, box=box, fps=fps)

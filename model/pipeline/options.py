@@ -11,6 +11,8 @@ from pydantic import JsonValue
 class TwinOptions:
     """What a user may choose; every field is an option of `matphys twin`."""
 
+    fps: float | None = None
+    """Frame rate of a folder of images [1/s]; None: 30."""
     mask: Path | None = None
     box: tuple[int, int, int, int] | None = None
     """x, y, width, height [px]."""

@@ -46,7 +46,7 @@ class Sight:
 def see(video: Path, options: TwinOptions, methods: Methods, log: StageLog) -> Sight:
     """Frames → masks → the metric world → Gaussians."""
     segmenter, reconstructor, prior = methods.segmenter, methods.reconstructor, methods.prior
-    frames = log.run("video", Step("pyav", "1"), lambda: read_video(video))
+    frames = log.run("video", Step("pyav", "1"), lambda: read_video(video, fps=options.fps))
     prompt = read_prompt(frames, mask=options.mask, box=options.box, keyframe=options.keyframe)
     masks = log.run("segmentation", segmenter, lambda: _segmented(segmenter, frames, prompt))
     keyframe, mask = frames.images[masks.keyframe], masks.object[masks.keyframe]

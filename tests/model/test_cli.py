@@ -141,7 +141,7 @@ class TestTwin:
         text += f"--controllers {tmp_path}/c.npz --size-m 0.3 --prior openai --parts 3 --depth {tmp_path} "
         text += "--segmentation sam2 --tracking cotracker --reconstruction mesh --encoder dinov2 "
         text += "--renderer splat "
-        text += "--keyframe 4 --seed 9 --shape rope --points 500"
+        text += "--fps 12 --keyframe 4 --seed 9 --shape rope --points 500"
         assert run("twin", clip, "--out", tmp_path / "a.twin.zip", *text.split()).code == 0
         assert vars(pipeline.options) == {
             "mask": tmp_path / "m.png",
@@ -158,6 +158,7 @@ class TestTwin:
             "reconstruction": "mesh",
             "encoder": "dinov2",
             "renderer": "splat",
+            "fps": 12.0,
             "keyframe": 4,
             "seed": 9,
             "shape": "rope",

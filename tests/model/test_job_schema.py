@@ -9,12 +9,14 @@ from model.pipeline import TwinOptions
 
 FILES = {"mask", "camera", "mesh", "depth", "controllers"}
 SERVERS_OWN = {"renderer"}
+OF_FOLDERS = {"fps"}
+"""Over HTTP a clip is one file."""
 
 
 def test_a_request_offers_every_option_of_the_pipeline_that_is_no_file():
     assert (
         set(TwinRequest.model_fields) - {"webhook"}
-        == {f.name for f in fields(TwinOptions)} - FILES - SERVERS_OWN
+        == {f.name for f in fields(TwinOptions)} - FILES - SERVERS_OWN - OF_FOLDERS
     )
 
 

@@ -208,6 +208,12 @@ def test_a_folder_is_read_in_numeric_order(tmp_path):
     frames = read_video(tmp_path, fps=10.0)
     assert frames.images[:, 0, 0, 0].tolist() == [20, 40, 200]
     np.testing.assert_allclose(frames.times, [0, 0.1, 0.2])
+    np.testing.assert_allclose(read_video(tmp_path).times, [0, 1 / 30, 2 / 30])
+    assert "--fps nan" in refused(tmp_path, fps=float("nan"))
+
+
+def test_a_video_file_carries_its_own_times(tmp_path):
+    assert "--fps is for a folder of images" in refused(write_clip(tmp_path / "a.mp4", moving(3)), fps=10.0)
 
 
 def test_bad_folders_are_refused(tmp_path):

@@ -1,6 +1,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +11,7 @@ from model.observe.clip import choose_points, lift_tracks, observe_clip
 from model.schema import CameraRecord
 from model.segmentation import ClassicalSegmenter
 from model.tracking import OpenCVTracker
-from model.types import Camera, Masks, Tracks
+from model.types import Camera, Frames, Masks, Prompt, Tracks
 from model.views import look_at
 
 SIZE = (240, 320)
@@ -86,3 +87,18 @@ def test_refuses_another_clip_and_a_twin_without_camera(bundle: TwinBundle, came
             lambda stage, _: told.append(stage),
         )
     assert told == [], "refused before any work"
+
+
+def test_a_folder_of_images_is_observed_at_the_rate_that_was_asked_for(filmed: TwinBundle, tmp_path: Path):
+    for index in range(6):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), np.zeros((*SIZE, 3), np.uint8))
+
+    class Blind(ClassicalSegmenter):
+        def __call__(self, frames: Frames, prompt: Prompt) -> Masks:
+            raise InputError(f"{frames.fps:.1f} frames per second")
+
+    with (
+        pytest.raises(InputError, match=r"12\.0 frames per second"),
+        pytest.warns(UserWarning, match=r"12 frames per second here, 30 in the twin; .* --fps"),
+    ):
+        observe_clip(tmp_path, filmed, Blind(), OpenCVTracker(), lambda stage, _: None, fps=12.0)

@@ -83,6 +83,13 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["observe", str(save(tmp_path)), "--out", str(out), "--fps", "60", "--quiet"]) == 0
     assert read_observation_quietly(out).times[-1] == pytest.approx((FRAMES - 1) / 60)
     (tmp_path / "clip.mp4").write_bytes(b"x")
+    out.unlink()
+    wish = ["observe", str(save(tmp_path)), "--out", str(out), "--box", "1,2,3,4", "--tracking", "opencv"]
+    assert main(wish) == 2
+    assert capsys.readouterr().err == (
+        "matphys: --box, --tracking: only for a clip with its --twin, not for final_data.pkl\n"
+    )
+    assert not out.exists()
     assert main(["observe", str(tmp_path / "clip.mp4"), "--out", str(out)]) == 2
     assert "or a clip with its --twin" in capsys.readouterr().err
     assert main(["observe", str(save(tmp_path)), "--out", str(out), "--fps", "0"]) == 2

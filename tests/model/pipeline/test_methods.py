@@ -31,8 +31,13 @@ def test_the_reconstruction_is_what_the_given_files_are_for(mesh):
     }
     for name, options in named.items():
         assert choose(options).reconstructor.name == name
-    both = TwinOptions(mesh=mesh, reconstruction="silhouette")
-    assert choose(both).reconstructor.name == "silhouette"
+
+
+@pytest.mark.parametrize("name", ["silhouette", "depth"])
+def test_a_mesh_that_would_not_be_used_is_refused(mesh, name):
+    both = TwinOptions(mesh=mesh, depth=mesh.with_name("depth.png"), reconstruction=name)
+    with pytest.raises(InputError, match=f"--reconstruction {name} has no use for --mesh"):
+        choose(both)
 
 
 @pytest.mark.parametrize(
