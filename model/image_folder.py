@@ -13,6 +13,10 @@ from model.frame_keeper import FrameKeeper, check_duration, check_size, sha256_o
 from model.types import Frames
 
 IMAGE_SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+PNG_END: Final = b"IEND\xaeB`\x82"
+JPEG_END: Final = b"\xff\xd9"
+STARTS_OF_FRAME: Final = tuple(bytes([kind]) for kind in range(0xC0, 0xD0) if kind not in (0xC4, 0xC8, 0xCC))
+"""Markers of a JPEG behind which its size stands."""
 
 
 def read_folder(path: Path, max_frames: int, max_pixels: int, max_seconds: float, fps: float) -> Frames:
@@ -26,7 +30,7 @@ def read_folder(path: Path, max_frames: int, max_pixels: int, max_seconds: float
     numbered = [
         (int(numbers[-1]), file)
         for file in sorted(path.iterdir())
-        if file.suffix.lower() in IMAGE_SUFFIXES and (numbers := re.findall(r"\d+", file.stem))
+        if _is_image(file) and (numbers := re.findall(r"\d+", file.stem))
     ]
     if not numbered:
         raise InputError(f"{path}: the folder holds no numbered PNG or JPEG images")
@@ -47,18 +51,30 @@ def read_folder(path: Path, max_frames: int, max_pixels: int, max_seconds: float
     return keeper.frames(path, sha256_of(files))
 
 
+def _is_image(file: Path) -> bool:
+    """Whether it is named as an image; what other systems leave beside files (`._1.png`) is none."""
+    return file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".") and file.is_file()
+
+
 def _image_size(file: Path) -> tuple[int, int]:
-    """Width and height from the header of a PNG or a JPEG [px]."""
-    with file.open("rb") as stream:
-        head = stream.read(24)
-        if head[:8] == b"\x89PNG\r\n\x1a\n" and len(head) == 24:
-            width, height = struct.unpack(">II", head[16:24])
+    """Width and height from the header of a whole PNG or JPEG [px]."""
+    data = file.read_bytes()
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        _check_end(file, data, 24, PNG_END)
+        width, height = struct.unpack(">II", data[16:24])
+        return width, height
+    at = 2
+    while data.startswith(b"\xff\xd8") and data[at : at + 1] == b"\xff":
+        kind, length = data[at + 1 : at + 2], int.from_bytes(data[at + 2 : at + 4], "big")
+        if kind in STARTS_OF_FRAME:
+            _check_end(file, data, at + 9, JPEG_END)
+            height, width = struct.unpack(">HH", data[at + 5 : at + 9])
             return width, height
-        stream.seek(2)
-        while head[:2] == b"\xff\xd8" and len(marker := stream.read(4)) == 4 and marker[0] == 0xFF:
-            kind, length = marker[1], int.from_bytes(marker[2:], "big")
-            if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):  # start of frame
-                height, width = struct.unpack(">xHH", stream.read(5))
-                return width, height
-            stream.seek(length - 2, 1)
+        at += 2 + length
     raise InputError(f"{file}: not a PNG or JPEG image")
+
+
+def _check_end(file: Path, data: bytes, header: int, end: bytes) -> None:
+    """Refuse an image that breaks off; a decoder would paint what is missing grey."""
+    if data.find(end, header) < 0:
+        raise InputError(f"{file}: the image breaks off; copy it again")

@@ -216,6 +216,28 @@ def test_a_video_file_carries_its_own_times(tmp_path):
     assert "--fps is for a folder of images" in refused(write_clip(tmp_path / "a.mp4", moving(3)), fps=10.0)
 
 
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_an_image_that_breaks_off_is_refused(tmp_path, suffix, capfd):
+    noise = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    for number in (1, 2):
+        cv2.imwrite(str(tmp_path / f"{number}{suffix}"), noise)
+    data = (tmp_path / f"2{suffix}").read_bytes()
+    start_of_frame = data.find(b"\xff\xc0")
+    for length in (len(data) // 2, len(data) - 3, start_of_frame + 6, 20):
+        (tmp_path / f"2{suffix}").write_bytes(data[:length])
+        with pytest.raises(InputError, match=f"2{suffix}: (the image breaks off|not a PNG or JPEG image)"):
+            read_video(tmp_path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_is_no_image_in_a_folder_is_passed_over(tmp_path):
+    for number in (1, 2):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), CORNERS)
+    (tmp_path / "9.png").mkdir()
+    (tmp_path / "._1.png").write_bytes(b"what a Mac leaves on a stick")
+    assert len(read_video(tmp_path).images) == 2
+
+
 def test_bad_folders_are_refused(tmp_path):
     assert "no numbered" in refused(tmp_path)
     cv2.imwrite(str(tmp_path / "1.jpg"), CORNERS)
