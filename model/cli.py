@@ -59,7 +59,22 @@ def _box(_: click.Context, __: click.Parameter, value: str | None) -> tuple[int,
     return x, y, width, height
 
 
-@click.group(invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]})
+class _Commands(click.Group):
+    """Commands in which the end of a file is an error, as any other.
+
+    click takes an EOFError for the end of what a person types, and stops without a word.
+    """
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except EOFError as error:
+            raise RuntimeError(f"a file ended where more was expected: {error}") from error
+
+
+@click.group(
+    cls=_Commands, invoke_without_command=True, context_settings={"help_option_names": ["-h", "--help"]}
+)
 @click.version_option(__version__, prog_name="matphys")
 @click.option(
     "--debug", is_flag=True, help="Show the traceback of an error. (MATPHYS_DEBUG=1 does the same.)"

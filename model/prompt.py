@@ -86,7 +86,8 @@ def _read_mask(path: Path) -> Bool[Array, "H W"]:
     if not path.is_file():
         raise InputError(f"{path}: no such mask file")
     try:
-        with av.open(str(path)) as container:
+        # As a stream: a colon in a name is no protocol, and a per cent sign no numbering of files.
+        with path.open("rb") as file, av.open(file, "r") as container:
             stream = container.streams.video[0]
             if stream.width * stream.height > MAX_MASK_PIXELS:
                 raise InputError(f"{path}: {stream.width}×{stream.height} pixels is too large for a mask")
@@ -94,7 +95,7 @@ def _read_mask(path: Path) -> Bool[Array, "H W"]:
             has_alpha = "a" in frame.format.name and frame.format.has_palette is False
             grey = frame.to_ndarray(format="gray")
             alpha = frame.to_ndarray(format="rgba")[..., 3] if has_alpha else None
-    except (av.FFmpegError, IndexError, StopIteration) as error:
+    except (av.FFmpegError, OSError, IndexError, StopIteration) as error:
         raise InputError(f"{path}: not a readable image: give a PNG, white where the object is") from error
     mask: Bool[Array, "H W"] = grey > 127
     if alpha is not None and not (alpha > 127).all():

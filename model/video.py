@@ -88,6 +88,7 @@ def read_video(
     """
     path = Path(path)
     if path.is_dir():
+        path = path if path.name not in ("", "..") else path.resolve()  # messages name it
         return read_folder(path, max_frames, max_pixels, max_seconds, FOLDER_FPS if fps is None else fps)
     if fps is not None:
         raise InputError(f"{path.name}: --fps is for a folder of images; a video file carries its own times")

@@ -1,5 +1,6 @@
 """Reading depth images: 16-bit PNG or NPY in millimetres, one image or a numbered folder."""
 
+import io
 import re
 from pathlib import Path
 
@@ -86,10 +87,10 @@ def _read(file: Path) -> Float64[Array, "H W"]:
                 f"{file}: more than {MAXIMUM_BYTES} bytes for one depth image; give one frame per file"
             )
         data = file.read_bytes()
-        values = np.load(file, allow_pickle=False) if file.suffix.lower() == ".npy" else _decoded(data)
+        values = _array(data) if file.suffix.lower() == ".npy" else _decoded(data)
     except OSError as error:
         raise InputError(f"{file}: depth cannot be read ({error.strerror})") from None
-    except ValueError:
+    except (ValueError, MemoryError):
         raise InputError(f"{file}: not a readable depth image") from None
     if values.ndim != 2 or values.dtype == np.uint8 or values.dtype.kind not in "uif":
         raise InputError(
@@ -97,6 +98,11 @@ def _read(file: Path) -> Float64[Array, "H W"]:
             f"{list(values.shape)}"
         )
     return values.astype(np.float64)
+
+
+def _array(data: bytes) -> Array:
+    # np.load would take an archive of arrays, too, whatever its name.
+    return np.asarray(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
 
 
 def _decoded(data: bytes) -> Array:

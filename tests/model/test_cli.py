@@ -177,6 +177,7 @@ class TestTwin:
         [
             (InputError("clip.mp4: one frame:\nfilm more"), 2, "matphys: clip.mp4: one frame: film more"),
             (RuntimeError("oops"), 1, "matphys: internal error: RuntimeError: oops (set MATPHYS_DEBUG=1"),
+            (EOFError("in x"), 1, "matphys: internal error: RuntimeError: a file ended where more was exp"),
         ],
     )
     def test_a_failure_leaves_nothing(self, run, pipeline, clip: Path, tmp_path: Path, error, code, line):

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -29,6 +31,13 @@ def test_reads_grey_colour_and_transparent_masks(frames, tmp_path, channels):
     expected[10:20, 15:30] = True
     np.testing.assert_array_equal(prompt.mask, expected)
     assert prompt.keyframe == 0
+
+
+@pytest.mark.parametrize("name", ["mk:colour.png", "mk%d.png", "http:.png"])
+def test_the_name_of_a_mask_means_nothing(frames, tmp_path, name, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    prompt = read_prompt(frames, mask=paint(Path(name), 60, 40), box=None, keyframe=None)
+    assert prompt.mask is not None
 
 
 def test_a_mask_of_the_original_size_fits_a_clip_decoded_smaller(tmp_path):

@@ -238,6 +238,13 @@ def test_what_is_no_image_in_a_folder_is_passed_over(tmp_path):
     assert len(read_video(tmp_path).images) == 2
 
 
+def test_the_folder_one_is_in_is_named(tmp_path, monkeypatch):
+    cv2.imwrite(str(tmp_path / "1.png"), CORNERS)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=f"{tmp_path.name}: 1 frame"):
+        read_video(".")
+
+
 def test_bad_folders_are_refused(tmp_path):
     assert "no numbered" in refused(tmp_path)
     cv2.imwrite(str(tmp_path / "1.jpg"), CORNERS)

@@ -1,9 +1,21 @@
+import io
+
 import cv2
 import numpy as np
 import pytest
 
 from model.errors import InputError
 from model.reconstruction.depth_file import read_depth
+
+
+def archive():
+    """The bytes of a .npz, which somebody may call .npy."""
+    data = io.BytesIO()
+    np.savez(data, depth=np.full((30, 40), 600, np.uint16))
+    return data.getvalue()
+
+
+ARCHIVE = archive()
 
 
 def millimetres(value=600):
@@ -53,6 +65,8 @@ def test_missing_and_bad_numbers_become_zero(tmp_path):
         ("d.png", b"", "not a readable"),
         ("d.png", b"no image", "not a readable"),
         ("d.npy", b"no array", "not a readable"),
+        ("d.npy", b"", "not a readable"),
+        ("d.npy", ARCHIVE, "not a readable"),
         ("d.tif", b"", "16-bit"),
         ("d.npy", np.zeros((30, 40), np.uint8), "one channel"),
         ("d.npy", np.zeros((30, 40, 3), np.uint16), "one channel"),
