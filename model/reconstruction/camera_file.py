@@ -133,7 +133,7 @@ def _pose(given: object, path: Path) -> Float64[Array, "4 4"]:
 def _numbers(given: object, key: str, path: Path, shape: tuple[int, ...]) -> Float64[Array, "*shape"]:
     try:
         values = np.array(given, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise _wrong(path, key, f"numbers of shape {list(shape)}", given) from None
     if values.shape != shape:
         raise _wrong(path, key, f"numbers of shape {list(shape)}", f"shape {list(values.shape)}")
@@ -143,9 +143,13 @@ def _numbers(given: object, key: str, path: Path, shape: tuple[int, ...]) -> Flo
 
 
 def _number(given: object, key: str, path: Path) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float) or not np.isfinite(given):
+    try:
+        number = float(given) if isinstance(given, int | float) and not isinstance(given, bool) else np.nan
+    except OverflowError:  # an integer of more than 308 digits
+        number = np.inf
+    if not np.isfinite(number):
         raise _wrong(path, key, "a finite number", given)
-    return float(given)
+    return number
 
 
 def _wrong(path: Path, key: str, expected: str, found: object) -> InputError:

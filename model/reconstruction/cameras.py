@@ -35,6 +35,7 @@ from model.reconstruction.gravity import (
 )
 from model.reconstruction.ground import ground_from_depth
 from model.reconstruction.scale import DEFAULT_SIZE, Extent, centred, floating, ignored, meets, sized
+from model.reconstruction.silhouette import check_seen
 from model.reconstruction.support import Support, background_of, find_support
 from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks
 
@@ -73,13 +74,14 @@ def calibrate(
 
     Raises:
         InputError: the camera file is wrong, the size is not a positive number, or the keyframe shows
-            no object.
+            no object, or hardly any of it.
     """
     if size_m is not None and not (np.isfinite(size_m) and 1e-3 <= size_m <= 100.0):
         raise InputError(f"the size of the object must be between 0.001 and 100 m, found {size_m}")
     key = masks.keyframe
     if not masks.object[key].any():
         raise InputError(f"{frames.name}: no object on keyframe {frames.number(key)}; give --mask or --box")
+    check_seen(frames, masks)
     height, width = frames.images.shape[1:3]
     file = read_camera_file(camera_file, width, height) if camera_file else None
     if depth is not None and file is None:

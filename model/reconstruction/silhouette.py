@@ -26,6 +26,8 @@ from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, Sh
 
 SHEET_THICKNESS = 0.002
 """Of cloth, paper, film [m]: a stated assumption."""
+FEWEST = 30
+"""An object of fewer pixels than this has no outline."""
 UNDER_HAND = 4
 """How far the object is continued under an adjoining hand [px of a 480-line image]."""
 
@@ -50,12 +52,8 @@ class SilhouetteReconstructor(Reconstructor):
     ) -> Gaussians:
         """Reconstruct the object on the keyframe."""
         image = frames.images[masks.keyframe]
+        check_seen(frames, masks)
         mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
-        if np.count_nonzero(mask) < 30:
-            raise InputError(
-                f"{frames.name}: the object covers only {np.count_nonzero(mask)} pixels of the keyframe; "
-                "choose another keyframe or give --mask"
-            )
         filling = (
             _sheet(mask, calibration)
             if shape_class == "sheet"
@@ -79,6 +77,20 @@ class SilhouetteReconstructor(Reconstructor):
     ) -> float:
         """Largest extent [m] of the inflated silhouette."""
         return silhouette_extent(masks, calibration, shape_class)
+
+
+def check_seen(frames: Frames, masks: Masks) -> None:
+    """Refuse a keyframe on which the object is too small to have an outline.
+
+    Raises:
+        InputError: it covers fewer than `FEWEST` pixels.
+    """
+    mask = completed_mask(masks.object[masks.keyframe], masks.hand[masks.keyframe])
+    if np.count_nonzero(mask) < FEWEST:
+        raise InputError(
+            f"{frames.name}: the object covers only {np.count_nonzero(mask)} pixels of the keyframe; "
+            "choose another keyframe or give another --mask"
+        )
 
 
 def completed_mask(object_mask: Bool[Array, "H W"], hand: Bool[Array, "H W"]) -> Bool[Array, "H W"]:

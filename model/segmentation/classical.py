@@ -20,6 +20,8 @@ from model.types import Array, Frames, Masks, Prompt
 
 SMALL_SIDE = 424
 """Longest side of the pictures in which we search [px]."""
+FLOW_SIDE = 12
+"""Narrower small pictures than this [px] have no optical flow."""
 NEAR = 12
 """Skin no farther than this from the object holds it [px of the small pictures]."""
 
@@ -47,6 +49,8 @@ class ClassicalSegmenter(Segmenter):
         height, width = frames.images.shape[1:3]
         check_prompt(prompt, len(frames.images), height, width)
         small = shrink(frames.images, SMALL_SIDE)
+        if min(small.shape[1:3]) < FLOW_SIDE:
+            raise InputError(f"{frames.name}: {width}×{height} pixels are too narrow to find an object in")
         labs = np.stack([to_lab(image) for image in small])
         sample = np.linspace(0, len(small) - 1, 8).round().astype(int)
         skin = SkinModel(small[sample])

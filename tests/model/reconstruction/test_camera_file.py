@@ -69,6 +69,8 @@ MIRRORED = [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
     [
         ({}, "intrinsics"),
         ({"intrinsics": {**GOOD, "fx": float("nan")}}, "intrinsics.fx"),
+        ({"intrinsics": {**GOOD, "fx": 10**400}}, "intrinsics.fx"),
+        ({"intrinsics": [[10**400, 0, 0], [0, 400, 0], [0, 0, 1]]}, "intrinsics"),
         ({"intrinsics": {**GOOD, "fy": -3}}, "focal"),
         ({"intrinsics": {"fx": 1, "fy": 1, "cx": 1}}, "intrinsics.cy"),
         ({"intrinsics": [[1, 0], [0, 1]]}, "intrinsics"),

@@ -159,6 +159,13 @@ def test_an_empty_keyframe_is_refused(teddy):
         run(replace(teddy, masks=Masks(nothing, nothing, 0)))
 
 
+def test_an_object_of_a_pixel_is_refused(teddy):
+    dot = np.zeros_like(teddy.masks.object)
+    dot[:, 70, 90] = True
+    with pytest.raises(InputError, match="scene: the object covers only 1 pixels of the keyframe"):
+        run(replace(teddy, masks=Masks(dot, np.zeros_like(dot), 0)))
+
+
 def test_depth_needs_intrinsics(teddy):
     with pytest.raises(InputError, match="camera file"):
         run(teddy, depth=teddy.depth)

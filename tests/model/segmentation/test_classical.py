@@ -73,6 +73,12 @@ def test_nothing_to_find_is_refused(make_scene):
         ClassicalSegmenter()(frames, Prompt())
 
 
+def test_a_narrow_strip_of_a_clip_is_refused(clip):
+    frames = dataclasses.replace(clip[0], images=np.zeros((6, 16, 960, 3), np.uint8), times=np.arange(6) / 30)
+    with pytest.raises(InputError, match="960×16 pixels are too narrow"):
+        ClassicalSegmenter()(frames, Prompt(box=(10, 2, 100, 8)))
+
+
 @pytest.mark.parametrize(
     ("prompt", "message"),
     [
