@@ -100,6 +100,10 @@ def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
     if not np.isfinite(motion).all():
         frame = int(np.argwhere(~np.isfinite(motion))[0][0])
         raise InputError(f"{path.name}: {name}[{frame}]: expected finite numbers, found NaN or infinity")
+    if motion.shape[1] == 0:
+        empty = np.zeros((len(frames.times) - masks.keyframe, 0, 3), np.float32)
+        nobody = f"{path.name} holds no controller: the object will fall or rest"
+        return Controllers(empty, np.zeros(0, int), (nobody,))
     still = np.zeros(motion.shape[1], int)
     if "times" not in arrays:
         rows = _rows_of(path, name, len(motion), frames, masks.keyframe)
@@ -108,8 +112,7 @@ def read_controllers(path: Path, frames: Frames, masks: Masks) -> Controllers:
     times = _checked_times(path, arrays["times"], len(motion))
     doubts = _clock_doubts(path, times, wanted)
     flat = motion.reshape(len(motion), -1)
-    columns = [np.interp(wanted, times, column) for column in flat.T]
-    resampled = np.stack(columns, axis=1) if columns else np.zeros((len(wanted), 0))
+    resampled = np.stack([np.interp(wanted, times, column) for column in flat.T], axis=1)
     placed = resampled.reshape(len(wanted), motion.shape[1], 3).astype(np.float32)
     return Controllers(placed, still, doubts)
 

@@ -241,6 +241,12 @@ def test_times_of_another_clock_are_refused(tmp_path, clip, clock):
         read_controllers(write(tmp_path / "given.npz", controls=motion, times=times), *clip)
 
 
+def test_a_motion_of_nobody_is_doubted(tmp_path, clip):
+    found = read_controllers(write(tmp_path / "given.npz", controls=np.zeros((COUNT, 0, 3))), *clip)
+    assert found.motion.shape == (COUNT - 4, 0, 3)
+    assert found.warnings == ("given.npz holds no controller: the object will fall or rest",)
+
+
 def test_a_motion_that_ends_long_before_the_clip_is_doubted(tmp_path, clip):
     motion, times = np.zeros((2, 1, 3)), np.array([0.0, clip[0].times[14]])
     found = read_controllers(write(tmp_path / "given.npz", controls=motion, times=times), *clip)
