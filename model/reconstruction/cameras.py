@@ -13,9 +13,8 @@ scale       depth; ``size_m`` given by the user; pose and ground of the camera f
 =========== =======================================================================================
 
 ``size_m`` is the largest extent of the object on the keyframe, of a mesh the longest side of its box. Given
-explicitly it overrules a camera file's
-pose (the camera then moves along its ray to the object until the object has that size), but not depth that
-is used, for it measures lengths: there it is ignored with a warning.
+explicitly it overrules a camera file's pose (the camera then moves along its ray to the object until that has
+this size), but not depth that is used, for it measures lengths: there it is ignored with a warning.
 """
 
 from dataclasses import replace
