@@ -5,7 +5,7 @@ import warnings
 
 from model.errors import InputError
 from model.simulator.backend import Path
-from model.simulator.divergence import finite
+from model.simulator.divergence import SimulationDiverged, finite
 from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
 from model.simulator.stability import StabilityWatch
@@ -26,6 +26,8 @@ BURST = 4.0
 """Growth of the kinetic energy since the last look at which the wait is over."""
 REPEATS = 3
 """How often a frame that left the bound is done again with more substeps."""
+MOST = 1_000_000
+"""Substeps of a frame above which a rollout is refused: ten times as many as the command line takes."""
 
 
 class StabilityWarning(UserWarning):
@@ -44,6 +46,19 @@ class StabilityWarning(UserWarning):
         super().__init__(f"{used} substeps per frame: stability needs {needed} {where}")
 
 
+class TooManySubsteps(SimulationDiverged):
+    """A frame would take more substeps than `MOST`; who tries candidates gives it up as one that diverges."""
+
+    def __init__(self, interval: float, count: int) -> None:
+        """Say it in one line."""
+        self.frame, self.point, self.term = 0, 0, "unknown"
+        InputError.__init__(
+            self,
+            f"a frame of {interval:.3g} s would take {count:.3g} substeps, and {MOST} are the most: "
+            "give times in seconds, or springs less stiff, less damped or on heavier points",
+        )
+
+
 class Pace:
     """Keeps the substeps of a rollout within the stability bound, or says where given ones leave it.
 
@@ -58,6 +73,7 @@ class Pace:
 
     Raises:
         InputError: fewer substeps than one.
+        TooManySubsteps: more than `MOST`, given or found to be needed.
     """
 
     def __init__(self, dynamics: Dynamics, path: Path, given: int | None) -> None:
@@ -76,7 +92,7 @@ class Pace:
 
     def count(self, interval: float) -> int:
         """Substeps of a frame interval [s]."""
-        return self._given or substeps_for(interval, self._limit, MARGIN)
+        return affordable(interval, self._given or substeps_for(interval, self._limit, MARGIN))
 
     def accepts(self, before: State, after: State, drive: Drive) -> bool:
         """Whether a frame stands; if not, `count` says more for it than before."""
@@ -128,6 +144,7 @@ class Steady:
 
     Raises:
         InputError: fewer substeps than one.
+        TooManySubsteps: more than `MOST`.
     """
 
     def __init__(self, given: int) -> None:
@@ -139,7 +156,7 @@ class Steady:
 
     def count(self, interval: float) -> int:
         """Substeps of any frame."""
-        return self._given
+        return affordable(interval, self._given)
 
     def accepts(self, before: State, after: State, drive: Drive) -> bool:
         """Every frame stands."""
@@ -151,6 +168,13 @@ def some(given: int) -> int:
     if given < 1:
         raise InputError(f"substeps is {given}: give at least 1, or leave it out")
     return given
+
+
+def affordable(interval: float, count: int) -> int:
+    """So many substeps of a frame interval [s], if they can be paid."""
+    if count > MOST:
+        raise TooManySubsteps(interval, count)
+    return count
 
 
 def _square(state: State) -> float:

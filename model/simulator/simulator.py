@@ -174,6 +174,7 @@ class Simulator(nn.Module):
         Raises:
             InputError: controls, times and frames that do not fit each other or the system.
             SimulationDiverged: a state is not finite; says frame, point and term.
+            TooManySubsteps: a frame would take more than can be paid.
 
         Warns:
             StabilityWarning: `substeps` is below the stability bound; says in which frame.
@@ -187,6 +188,13 @@ class Simulator(nn.Module):
         now = _remembering(dynamics, now, held)
         path = choose_path(self.backend, dynamics, self.integrator, now.positions.shape[:-2])
         intervals = [float(interval) for interval in np.diff(moments).round(ROUNDED)]
+        if 0.0 in intervals:
+            after = intervals.index(0.0) + 1
+            apart = moments[after] - moments[after - 1]
+            raise InputError(
+                f"frame {after} comes {apart:.3g} s after the one before, too soon to be told from it: "
+                "give times in seconds, or a lower frame rate"
+            )
         pace = Pace(dynamics, path, substeps) if substeps is None or not trusted else Steady(substeps)
         if intervals:
             pace.start(now, held, max(intervals))

@@ -123,3 +123,14 @@ def test_trusted_ones_are_taken_as_they_are(strap):
         strap.rollout(controls=SLOWLY, fps=FPS, substeps=few, trusted=True)
     with pytest.raises(InputError, match="substeps is 0"):
         strap.rollout(controls=OUT, fps=FPS, substeps=0, trusted=True)
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [{"fps": 1e-7}, {"substeps": 1_000_001}, {"substeps": 1_000_001, "trusted": True}],
+    ids=["found", "given", "trusted"],
+)
+def test_more_substeps_than_can_be_paid_are_refused(strap, asked):
+    """As for times in nanoseconds; who tries candidates takes it for one that diverges."""
+    with pytest.raises(SimulationDiverged, match=r"would take .* substeps, and 1000000 are the most: give"):
+        strap.rollout(controls=OUT[:2], **({"fps": FPS} | asked))

@@ -67,6 +67,12 @@ def test_times_need_not_be_even(simulator, controls):
     assert torch.equal(uneven.points[1], again.points[1])
 
 
+@pytest.mark.parametrize("clock", [{"fps": 1e13}, {"times": [0.0, 0.02, 0.02 + 2e-13, 0.1]}])
+def test_frames_too_close_to_be_told_apart_are_refused(simulator, controls, clock):
+    with pytest.raises(InputError, match=r"frame . comes (1|2)e-13 s after the one before, too soon"):
+        simulator.rollout(controls=controls, **clock)
+
+
 def test_without_controls_the_controllers_stay(simulator, system):
     held = simulator.rollout(frames=3, fps=300.0)
     given = simulator.rollout(controls=system.controller_points.expand(3, -1, -1), fps=300.0)

@@ -5,7 +5,9 @@ struct Team {
   enum { PATIENCE = 40000 };
   int threads;
   std::vector<std::atomic<int32_t>> taken, done;
-  Team(int threads, int64_t phases) : threads(threads), taken(phases * threads), done(phases) {}
+  // one thread alone counts nothing
+  Team(int threads, int64_t phases)
+      : threads(threads), taken(threads > 1 ? phases * threads : 0), done(threads > 1 ? phases : 0) {}
 
   template <class Work>
   LAW void share(int64_t phase, int thread, int64_t pieces, Work work) {
