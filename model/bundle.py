@@ -25,6 +25,7 @@ from model.schema import (
     write_json,
 )
 from model.types import Array, Camera, Gaussians, Parameters, Topology, Trajectory
+from model.units import PROPERTY_UNITS, check_unit
 
 if TYPE_CHECKING:
     from model.gap.world import World
@@ -111,6 +112,7 @@ class TwinBundle:
             preview=members.get("preview.mp4"),
         )
         bundle._check_counts(path.name)
+        bundle._check_units(path.name)
         return bundle
 
     @classmethod
@@ -268,6 +270,14 @@ class TwinBundle:
         if self.preview is not None:
             members["preview.mp4"] = self.preview
         return members
+
+    def _check_units(self, name: str) -> None:
+        """Check what the parts are believed to be like; parameters are checked where they are read."""
+        for number, part in enumerate(self.parts):
+            for known, unit in PROPERTY_UNITS.items():
+                if known in part.prior:
+                    where = f"{name}: parts.json: {number}.prior.{known}.unit"
+                    check_unit(part.prior[known].unit, unit, where)
 
     def _check_counts(self, name: str) -> None:
         """Check the members against each other."""

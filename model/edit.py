@@ -59,7 +59,8 @@ def edit_part(
         predictor: None: the prior's means are all. `predictor_of` tells what the twin was made by.
 
     Raises:
-        InputError: no such part or material, or parts whose material prior the twin does not say.
+        InputError: no such part or material, a part that no spring touches, or parts whose material prior the
+            twin does not say.
 
     Reference:
         As `model.predictor.prior_mean.PriorMeanPredictor` and `model.predictor.network.PredictorNetwork`.
@@ -69,6 +70,8 @@ def edit_part(
     if not 0 <= part < len(twin.parts):
         what = f"0 to {len(twin.parts) - 1}" if twin.parts else "none: parts.json is empty"
         raise InputError(f"--part {part}: the parts of this twin are {what}")
+    if not (twin.topology.part[twin.topology.springs] == part).any():
+        raise InputError(f"--part {part}: no spring of the twin touches it: choose a part that has springs")
     shape = shape_class or guess_shape(twin.topology.points.astype(np.float64))
     before = [_prior(record, number, shape) for number, record in enumerate(twin.parts)]
     distribution = np.array([float(name == material) for name in MATERIALS])

@@ -148,7 +148,7 @@ class ParameterRecord(Record):
 class PropertyRecord(Record):
     """A log-normal belief about one material property."""
 
-    mean: float
+    mean: Positive
     """The median, in `unit`."""
     spread: NonNegative
     """Standard deviation of the natural logarithm."""

@@ -39,16 +39,18 @@ def read_arrays(path: Path, names: Collection[str]) -> dict[str, Array]:
 def _decode(data: bytes, where: str) -> Array:
     """Parse one `.npy`, whose header is checked against its size before anything is allocated."""
     stream = io.BytesIO(data)
+    other = InputError(f"{where}: expected an array as numpy.savez writes it, found something else")
     try:
         read_header = HEADER_READERS[np.lib.format.read_magic(stream)]
         shape, columns_first, kind = read_header(stream)
-    except (ValueError, KeyError):
-        raise InputError(
-            f"{where}: expected an array as numpy.savez writes it, found something else"
-        ) from None
+    except Exception:  # a header is a text in Python: what is none raises all that Python's parser may
+        raise other from None
     if kind.kind not in "biuf":
         raise InputError(f"{where}: expected numbers, found {kind}")
     if math.prod(shape) * kind.itemsize != len(data) - stream.tell():
         raise InputError(f"{where}: expected {math.prod(shape)} numbers, found a file of another length")
     values = np.frombuffer(data, kind, offset=stream.tell())
-    return values.reshape(shape, order="F" if columns_first else "C")
+    try:
+        return values.reshape(shape, order="F" if columns_first else "C")
+    except (ValueError, TypeError):  # a shape of negative numbers, or of truth values
+        raise other from None

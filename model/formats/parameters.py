@@ -8,6 +8,7 @@ from jaxtyping import Float32
 from model.errors import InputError
 from model.schema import ParameterRecord, ParameterRecords, read_json, write_json
 from model.types import STANDARD_GRAVITY, Array, Parameter, Parameters
+from model.units import check_unit
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "dashpot_damping": (0, np.inf),
@@ -19,6 +20,17 @@ BOUNDS: Mapping[str, tuple[float, float]] = {
     "ground_height": (-np.inf, np.inf),
 }
 """The scalars a simulator takes, and the smallest and largest that each may be."""
+UNITS: Mapping[str, str] = {
+    "dashpot_damping": "N*s/m",
+    "drag_rate": "1/s",
+    "friction": "1",
+    "restitution": "1",
+    "collision_distance": "m",
+    "bending_decay": "1/s",
+    "ground_height": "m",
+    "gravity": "m/s^2",
+}
+"""Of each that a simulator takes."""
 REQUIRED = ("dashpot_damping", "drag_rate", "friction", "restitution")
 
 
@@ -44,7 +56,7 @@ def decode_parameters(
         where: The file's name, for the message.
 
     Raises:
-        InputError: a parameter is missing, malformed or out of bounds.
+        InputError: a parameter is missing, malformed, out of bounds or in another unit.
     """
     records = read_json(data, ParameterRecords, where).root
     for name in REQUIRED:
@@ -58,6 +70,9 @@ def decode_parameters(
     gravity = records["gravity"].value if "gravity" in records else STANDARD_GRAVITY
     if isinstance(gravity, tuple) and len(gravity) != 3:
         raise InputError(f"{where}: gravity: expected one number or three, found {len(gravity)}")
+    for name, unit in UNITS.items():
+        if name in records:
+            check_unit(records[name].unit, unit, f"{where}: {name}.unit")
     entries = {
         name: Parameter(record.value, record.unit, record.source, record.std)
         for name, record in records.items()

@@ -1,27 +1,17 @@
 """A twin as the user of a playground has changed it."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 
 import numpy as np
 from jaxtyping import Float32
 
 from model.bundle import TwinBundle
+from model.formats.parameters import UNITS
 from model.gap.carried import CATALOGUE, record_of
 from model.playground.settings import Settings, settings_of
 from model.schema import EffectRecord, PartRecord, StageRecord, StiffnessRecord, content_id
 from model.types import Array, Parameter, Parameters
 from model.version import __version__
-
-UNITS: Mapping[str, str] = {
-    "gravity": "m/s^2",
-    "ground_height": "m",
-    "friction": "1",
-    "restitution": "1",
-    "dashpot_damping": "N*s/m",
-    "drag_rate": "1/s",
-    "collision_distance": "m",
-}
 
 
 def edited(bundle: TwinBundle, settings: Settings) -> TwinBundle:

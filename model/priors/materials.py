@@ -8,16 +8,10 @@ from jaxtyping import Float64
 from model.errors import InputError
 from model.priors.table import TABLE, Row
 from model.types import Array, Estimate, ShapeClass
+from model.units import PROPERTY_UNITS
 
 MATERIALS = ("fabric", "leather", "rubber", "plastic", "metal", "wood", "paper", "silk", "denim", "fur")
-UNITS: Mapping[str, str] = {
-    "stiffness": "Pa",
-    "damping": "1",
-    "drag_rate": "1/s",
-    "friction": "1",
-    "restitution": "1",
-    "density": "kg/m^3",
-}
+UNITS: Mapping[str, str] = PROPERTY_UNITS
 """Every property of a material and its unit."""
 _ROWS: Mapping[tuple[str, str], Row] = {(row.material, row.property): row for row in TABLE}
 

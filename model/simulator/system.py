@@ -141,14 +141,13 @@ def check_shapes(module: Parametric, system: System, name: str) -> None:
         InputError: naming the constant, what was expected and what was found.
     """
     for key, constant in module.constants.items():
-        shape, size = (
-            tuple(module.value(key).shape),
-            module.own_size(constant.over) or system.size(constant.over),
-        )
-        if (
-            constant.over == "scene"
-        ):  # scenes that are joined have one value for each of their edges or stencils
-            size = module.own_size("stencils") or system.size(getattr(module, "where", ""))
+        shape, size = tuple(module.value(key).shape), module.own_size(constant.over)
+        if constant.over == "scene":
+            # scenes that are joined have one value for each of their edges or stencils
+            size = module.own_size("stencils")
+            size = system.size(getattr(module, "where", "")) if size is None else size
+        elif size is None:
+            size = system.size(constant.over)
         if constant.over == "vector":
             fits = shape[-1:] == (3,)
         else:

@@ -219,6 +219,25 @@ def test_missing_members_are_refused(member: str, write_twin, refusal):
     assert f"{member} is missing" in refusal(write_twin(files={member: None}))
 
 
+@pytest.mark.parametrize(
+    ("belief", "line"),
+    [
+        (
+            {"mean": 1.1, "unit": "g/cm^3"},
+            "parts.json: 1.prior.density.unit: expected kg/m^3, found 'g/cm^3'",
+        ),
+        ({"mean": 0.0, "unit": "kg/m^3"}, "parts.json: 1.prior.density.mean: input should be greater than 0"),
+        (
+            {"mean": -5.0, "unit": "kg/m^3"},
+            "parts.json: 1.prior.density.mean: input should be greater than 0",
+        ),
+    ],
+)
+def test_beliefs_that_cannot_be_are_refused(write_twin, refusal, belief: dict[str, object], line: str):
+    records = [{"label": 0}, {"label": 1, "prior": {"density": {"spread": 0.3, **belief}}}]
+    assert line in refusal(write_twin(files={"parts.json": json.dumps(records).encode()}))
+
+
 def reference_rollout(tensors: dict[str, np.ndarray], gravity: list[float], substeps: int) -> np.ndarray:
     """Semi-implicit Euler of the design's equations, in float64 and by itself."""
     system = {

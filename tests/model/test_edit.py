@@ -167,6 +167,24 @@ def test_what_there_is_not_is_refused(twin, part, material, line):
         edit_part(twin, part, material)
 
 
+@pytest.mark.parametrize("lone", [True, False], ids=["a part without points", "a twin without springs"])
+def test_a_part_that_no_spring_touches_is_refused_and_nothing_written(twin, tmp_path, run, lone):
+    if lone:
+        bare = replace(twin, topology=replace(twin.topology, part=np.zeros_like(twin.topology.part)))
+    else:
+        loose = replace(twin.topology, springs=twin.topology.springs[:0], rest_length=np.zeros(0, np.float32))
+        strength = replace(twin.parameters, stiffness=np.zeros(0, np.float32))
+        bare = replace(twin, topology=loose, parameters=strength)
+    bare.save(tmp_path / "old.twin.zip")
+    arguments = ("--part", 1, "--material", "rubber", "--out", tmp_path / "new.twin.zip", "--json")
+    outcome = run("edit", tmp_path / "old.twin.zip", *arguments)
+    assert outcome.code == 2
+    assert (
+        outcome.line == "matphys: --part 1: no spring of the twin touches it: choose a part that has springs"
+    )
+    assert not (tmp_path / "new.twin.zip").exists()
+
+
 def test_a_twin_that_does_not_say_what_it_is_made_of_is_refused(twin):
     silent = tuple(part.model_copy(update={"prior": {}}) for part in twin.parts)
     with pytest.raises(InputError, match="part 0 has no prior of its stiffness"):

@@ -22,6 +22,10 @@ def npy(shape: tuple[int, ...], data: bytes) -> bytes:
     return stream.getvalue() + data
 
 
+def headed(header: bytes) -> bytes:
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header
+
+
 def test_reads_only_what_is_asked_for(tmp_path: Path):
     np.savez(tmp_path / "x.npz", a=np.arange(6).reshape(2, 3), b=np.array([None]))
     arrays = read_arrays(tmp_path / "x.npz", ("a", "c"))
@@ -34,10 +38,12 @@ def test_reads_only_what_is_asked_for(tmp_path: Path):
     [
         (b"", "expected an array as numpy.savez writes it"),
         (b"hello world", "expected an array as numpy.savez writes it"),
-        (
-            b"\x93NUMPY\x01\x00" + struct.pack("<H", 9) + b"nonsense\n",
-            "expected an array as numpy.savez writes it",
-        ),
+        (headed(b"nonsense\n"), "expected an array as numpy.savez writes it"),
+        (headed(b"(" * 100), "expected an array as numpy.savez writes it"),
+        (headed(b"-" * 5000 + b"1"), "expected an array as numpy.savez writes it"),
+        (npy((-1, -2), bytes(8)), "expected an array as numpy.savez writes it"),
+        (npy((True, 2), bytes(8)), "expected an array as numpy.savez writes it"),
+        (npy((0, 10**30), b""), "expected an array as numpy.savez writes it"),
         (npy((10**15,), bytes(8)), "found a file of another length"),
         (npy((3,), bytes(8)), "expected 3 numbers"),
     ],

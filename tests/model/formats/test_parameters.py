@@ -2,6 +2,8 @@ import json
 
 import pytest
 
+from model.bundle import TwinBundle
+
 
 def with_parameter(members: dict[str, bytes], name: str, **changes) -> dict[str, bytes]:
     parameters = json.loads(members["parameters.json"])
@@ -39,6 +41,14 @@ BROKEN = {
         lambda m: with_parameter(m, "ground_height", value=[0, 1]),
         "ground_height: expected one number, found",
     ),
+    "ground in centimetres": (
+        lambda m: with_parameter(m, "ground_height", value=20.0, unit="cm"),
+        "parameters.json: ground_height.unit: expected m, found 'cm': give the value in m",
+    ),
+    "gravity in centimetres": (
+        lambda m: with_parameter(m, "gravity", value=[0, 0, -981], unit="cm/s^2"),
+        "gravity.unit: expected m/s^2, found 'cm/s^2'",
+    ),
 }
 
 
@@ -46,3 +56,9 @@ BROKEN = {
 def test_broken_parameters_are_refused(name: str, write_twin, members: dict[str, bytes], refusal):
     change, expected = BROKEN[name]
     assert expected in refusal(write_twin(files=change(members)))
+
+
+@pytest.mark.parametrize("unit", ["m/s^2", "m/s²"])
+def test_spellings_of_a_unit_are_read(write_twin, members: dict[str, bytes], unit: str):
+    files = with_parameter(members, "gravity", value=-1.6, unit=unit)
+    assert TwinBundle.load(write_twin(files=files)).parameters.globals["gravity"].unit == unit

@@ -133,6 +133,19 @@ def test_zigzags_die_out_where_that_is_asked_for(arrays):
     np.testing.assert_allclose(damping.numpy(), 50.0 / 16 * 0.02 * 0.01**2, rtol=1e-5)
 
 
+def test_an_object_without_three_points_in_a_row_has_none_that_die_out(arrays):
+    """It moves as it does without."""
+    pair = dict(
+        points=np.array([[0.0, 0, 0], [0.01, 0, 0]]),
+        mass=np.full(2, 0.02),
+        springs=np.array([[0, 1]]),
+        rest_length=np.full(1, 0.02),
+        stiffness=np.full(1, 100.0),
+    )
+    plain, damped = (build_simulator(**pair, bending_decay=rate).rollout(frames=4) for rate in (0.0, 50.0))
+    assert torch.equal(damped.points, plain.points)
+
+
 def test_controllers_without_places_need_controls(arrays):
     del arrays["controller_points"]
     with pytest.raises(InputError, match="no rest places of them: give controls"):
