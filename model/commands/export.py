@@ -31,8 +31,11 @@ def export(twin: Path, target: str, out: Path, points: int | None, frames: bool,
     from model.bundle import TwinBundle
     from model.exports import exporter_of
     from model.exports.coarsen import coarsen
+    from model.exports.ply import PlyExporter
 
     exporter, bundle = exporter_of(target, every_frame=frames), TwinBundle.load(twin)
+    if points is not None and target == PlyExporter.name and not frames:
+        raise InputError("--points: a PLY at rest has none of the mass points: add --frames, or leave it out")
     with collect_doubts() as doubts:
         coarse = None if points is None else coarsen(bundle, points)
         written = [str(path) for path in exporter(bundle if coarse is None else coarse.twin, out)]

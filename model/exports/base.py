@@ -16,6 +16,8 @@ class Exporter(ABC):
     name: ClassVar[str]
     expressed: ClassVar[frozenset[str]] = frozenset()
     """Effects of `effects.json` that the files do what the twin does with, by name."""
+    simulated: ClassVar[bool] = True
+    """Whether programs move the files by laws of their own; else they show the twin's motion, or none."""
 
     @abstractmethod
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
@@ -33,7 +35,7 @@ class Exporter(ABC):
         """A line for each thing of the twin that the files do not have: to be told, and for a README."""
         names = dict.fromkeys(effect.name for effect in twin.effects)
         lost = [self.lost(name) for name in names if name not in self.expressed]
-        if scalar(twin.parameters, "bending_decay", 0.0):
+        if self.simulated and scalar(twin.parameters, "bending_decay", 0.0):
             lost.append(
                 f"{self.name}: the files have no bending_decay: zigzags of neighbours go on for longer"
             )

@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, Int, Int32, Int64
 from scipy.optimize import lsq_linear
 from scipy.sparse import coo_matrix, csr_matrix, diags, vstack
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 
+from model.errors import InputError
 from model.types import Array, Topology
 
 LIGHTEST = 0.5
@@ -29,14 +30,21 @@ def scatter(topology: Topology, count: int) -> tuple[Int64[Array, " n"], Int64[A
 
     Returns:
         The chosen points in ascending order, and the place among them of each point's nearest.
+
+    Raises:
+        InputError: springs join the points to at least as many pieces: none would have two.
     """
     graph = _graph(topology)
+    pieces, _ = connected_components(graph, directed=False)
+    if count <= pieces:
+        raise InputError(f"--points {count}: this twin is in {pieces} pieces: give more points than that")
     held = np.unique(topology.controller_springs[:, 1]).astype(np.int64)
     first = np.array([np.argmax(np.linalg.norm(_centred(topology), axis=1))])
     everywhere = np.arange(len(topology.points))
     chosen, spacing = _farthest(graph, first, everywhere, count, 0.0)
     if len(held):  # again, now held points first, as far apart as all of them will be
-        held, _ = _farthest(graph, held[:1], held, count, spacing)
+        left = count - (pieces - 1)  # every piece needs one
+        held, _ = _farthest(graph, held[:1], held, left, spacing)
         chosen, _ = _farthest(graph, held, everywhere, count, 0.0)
     kept = np.sort(chosen)
     _, _, source = dijkstra(graph, indices=kept, min_only=True, return_predecessors=True)

@@ -61,7 +61,8 @@ def coarsen(twin: "TwinBundle", count: int) -> Coarse:
         count: How many points; springs follow.
 
     Raises:
-        InputError: more points than there are, or a twin with effects.
+        InputError: more points than there are, fewer than there are pieces, or a twin without springs or with
+            effects.
 
     Reference:
         Gonzalez (1985), Clustering to minimize the maximum intercluster distance; Hrennikoff (1941), Solution
@@ -70,6 +71,8 @@ def coarsen(twin: "TwinBundle", count: int) -> Coarse:
     total = len(twin.topology.points)
     if not 8 <= count < total:
         raise InputError(f"--points {count}: this twin has {total} points, give 8 to {total - 1}")
+    if not len(twin.topology.springs):
+        raise InputError(f"--points {count}: this twin has no springs to make fewer of: leave --points out")
     if twin.effects:
         raise InputError(
             f"--points: the effect {twin.effects[0].name} belongs to the points of the whole twin"

@@ -42,6 +42,7 @@ class GlbExporter(Exporter):
 
     name: ClassVar[str] = "glb"
     expressed: ClassVar[frozenset[str]] = EVERY_EFFECT
+    simulated: ClassVar[bool] = False
 
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
         """Write the file `out`."""

@@ -44,6 +44,8 @@ class Mechanics:
     restitution: float
     collision_distance: float
     """[m]; 0: points pass through each other."""
+    bending_decay: float
+    """Rate at which zigzags between neighbouring points die out [1/s]."""
     gravity: tuple[float, float, float]
     """[m/s²]."""
     ground_height: float | None
@@ -96,6 +98,7 @@ def mechanics_of(twin: "TwinBundle") -> Mechanics:
         friction=scalar(parameters, "friction", 0.0),
         restitution=scalar(parameters, "restitution", 0.0),
         collision_distance=scalar(parameters, "collision_distance", 0.0),
+        bending_decay=scalar(parameters, "bending_decay", 0.0),
         gravity=gravity(parameters),
         ground_height=ground_height(parameters),
         times=times,

@@ -14,6 +14,7 @@ from model.formats.ply import encode_ply
 if TYPE_CHECKING:
     from model.bundle import TwinBundle
 
+FRAMES = r"frame_\d{4,}\.ply"
 MAGIC = b"ply\nformat binary_little_endian 1.0\n"
 COMMENTS = 32_000
 """Bytes of the README that a header takes; readers give up on longer headers."""
@@ -36,6 +37,7 @@ class PlyExporter(Exporter):
     """
 
     name: ClassVar[str] = "ply"
+    simulated: ClassVar[bool] = False
 
     def __init__(self, every_frame: bool = False) -> None:
         """See the class."""
@@ -62,7 +64,8 @@ class PlyExporter(Exporter):
             f"frame_{number:04d}.ply": encode_ply(gaussians)
             for number, gaussians in enumerate(moving_gaussians(twin, trajectory))
         }
-        return write_folder(out, files | {"README.md": _readme(twin, names, limits).encode()})
+        readme = {"README.md": _readme(twin, names, limits).encode()}
+        return write_folder(out, files | readme, FRAMES)
 
 
 def _readme(twin: "TwinBundle", files: list[tuple[str, str]], limits: list[str]) -> str:

@@ -24,6 +24,7 @@ PARAMETERS = {
     "friction": "Coulomb's coefficient with the ground and with itself.",
     "restitution": "Share of the normal speed that an impact leaves.",
     "collision_distance": "Points closer than this meet [m]; 0: they pass.",
+    "bending_decay": "Rate at which zigzags between neighbouring points die out [1/s].",
 }
 
 
@@ -38,6 +39,7 @@ class UsdExporter(Exporter):
 
     name: ClassVar[str] = "usd"
     expressed: ClassVar[frozenset[str]] = EVERY_EFFECT
+    simulated: ClassVar[bool] = False
 
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
         """Write the file `out`, named .usdc, .usda or .usd."""
@@ -147,8 +149,10 @@ class _Stage:
         self._move(hands, mechanics.controls.astype(np.float32), 0.005)
 
     def _springs(self, name: str, mechanics: Mechanics, which: slice) -> None:
-        """Straight curves between the ends of each spring."""
+        """Straight curves between the ends of each spring; nothing where there is none."""
         types, vt, edges = self.pxr.Sdf.ValueTypeNames, self.pxr.Vt, mechanics.edges[which]
+        if not len(edges):
+            return
         curves = self.pxr.UsdGeom.BasisCurves.Define(self.stage, f"/Twin/{name}")
         curves.GetPrim().SetDocumentation("A straight line per spring, from its first end to its second.")
         curves.CreateTypeAttr("linear")

@@ -59,3 +59,39 @@ def test_too_many_points_are_refused(export, twin_path, tmp_path):
     done = export(twin_path, "--to", "mujoco", "--out", tmp_path / "o", "--points", 99)
     assert done.code == 2
     assert done.line == "matphys: --points 99: this twin has 27 points, give 8 to 26"
+
+
+def test_points_of_a_ply_at_rest_are_refused(export, twin_path, tmp_path):
+    done = export(twin_path, "--to", "ply", "--out", tmp_path / "o.ply", "--points", 14)
+    assert done.code == 2
+    assert done.line == (
+        "matphys: --points: a PLY at rest has none of the mass points: add --frames, or leave it out"
+    )
+    assert not (tmp_path / "o.ply").exists()
+
+
+@pytest.mark.parametrize("target", ["mujoco", "newton"])
+def test_the_readme_of_something_else_is_left_alone(export, twin_path, tmp_path, target):
+    """That of an export is not: the second one takes its place."""
+    out = tmp_path / "out"
+    assert [export(twin_path, "--to", target, "--out", out).code for _ in range(2)] == [0, 0]
+    (out / "README.md").write_text("# My project")
+    (out / "twin.xml").unlink(missing_ok=True)
+    done = export(twin_path, "--to", target, "--out", out)
+    assert done.code == 2
+    assert done.line.endswith("README.md: it is of no export: give the name of another folder")
+    assert (out / "README.md").read_text() == "# My project"
+    assert not (out / "twin.xml").exists()
+
+
+def test_frames_of_a_longer_export_go_and_other_files_stay(export, write_twin, tensors, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("frame_0009.ply", "frame_0009.ply.bak"):
+        (out / name).touch()
+    frames = ("--to", "ply", "--out", out, "--frames")
+    assert export(write_twin(), *frames).code == 0
+    assert (out / "frame_0009.ply").exists()  # it was there before any export
+    assert export(write_twin(controls=tensors["controls"][:3]), *frames).code == 0
+    left = sorted(path.name for path in out.iterdir())
+    assert left == ["README.md", *(f"frame_000{n}.ply" for n in range(3)), "frame_0009.ply.bak"]

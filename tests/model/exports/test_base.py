@@ -1,6 +1,9 @@
 from dataclasses import replace
 
+import pytest
+
 from model.bundle import TwinBundle
+from model.exports import exporter_of
 from model.exports.base import Exporter
 from model.schema import EffectRecord
 from model.types import Parameter
@@ -26,6 +29,14 @@ def test_zigzags_that_die_out_are_told(twin_path):
     decay = {"bending_decay": Parameter(200.0, "1/s", "prior")}
     calm = replace(twin, parameters=replace(twin.parameters, globals={**twin.parameters.globals, **decay}))
     assert [line for line in Springs().losses(calm) if "no bending_decay" in line]
+
+
+@pytest.mark.parametrize("name", ["usd", "glb", "ply"])
+def test_formats_that_show_the_twins_own_motion_lose_none_of_it(twin_path, name):
+    twin = TwinBundle.load(twin_path)
+    decay = {"bending_decay": Parameter(200.0, "1/s", "prior")}
+    calm = replace(twin, parameters=replace(twin.parameters, globals={**twin.parameters.globals, **decay}))
+    assert exporter_of(name).losses(calm) == ()
 
 
 def test_a_twin_without_effects_loses_nothing(twin_path):

@@ -92,3 +92,30 @@ def test_a_count_that_is_no_reduction_is_refused(fine, count):
 def test_effects_belong_to_the_points_of_the_whole_twin(fine):
     with pytest.raises(InputError, match="belongs to the points"):
         coarsen(replace(fine, effects=(EffectRecord(name="wind"),)), 40)
+
+
+@pytest.fixture
+def torn(block):
+    """The block in two, and four points that nothing joins: six pieces."""
+    topology, stiffness = block.topology, block.parameters.stiffness
+    side = np.arange(len(topology.points)) < len(topology.points) // 2
+    loose = np.arange(len(topology.points)) >= len(topology.points) - 4
+    whole = (side[topology.springs[:, 0]] == side[topology.springs[:, 1]]) & ~loose[topology.springs].any(1)
+    left = replace(topology, springs=topology.springs[whole], rest_length=topology.rest_length[whole])
+    return replace(block, topology=left, parameters=replace(block.parameters, stiffness=stiffness[whole]))
+
+
+def test_every_piece_keeps_a_point(torn):
+    assert len(coarsen(torn, 30).twin.topology.points) == 30
+
+
+def test_fewer_points_than_pieces_are_refused(torn):
+    with pytest.raises(InputError, match="--points 6: this twin is in 6 pieces: give more points than that"):
+        scatter(torn.topology, 6)
+
+
+def test_a_twin_without_springs_is_refused(block):
+    bare = replace(block.topology, springs=block.topology.springs[:0], rest_length=np.zeros(0, np.float32))
+    soft = replace(block.parameters, stiffness=np.zeros(0, np.float32))
+    with pytest.raises(InputError, match="--points 20: this twin has no springs to make fewer of"):
+        coarsen(replace(block, topology=bare, parameters=soft), 20)

@@ -1,4 +1,5 @@
 import builtins
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,8 +85,28 @@ def test_springs_and_parameters_are_documented_primvars(stage, rope):
     np.testing.assert_array_equal(points.GetPrimvar("mass").Get(), rope.topology.mass)
     twin = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/Twin"))
     assert twin.GetPrimvar("drag_rate").Get() == pytest.approx(1.5)
+    assert twin.GetPrimvar("bending_decay").Get() == 0.0
     for primvar in [each for prim in (springs, points, twin) for each in prim.GetAuthoredPrimvars()]:
         assert primvar.GetPrimvarName() == "displayColor" or primvar.GetAttr().GetDocumentation()
+
+
+@pytest.mark.parametrize("lacking", ["springs", "grips"])
+def test_a_twin_without_some_springs_has_none_of_their_lines(rope, tmp_path, lacking):
+    topology, parameters = rope.topology, rope.parameters
+    none, pairs = np.zeros(0, np.float32), topology.springs[:0]
+    if lacking == "springs":
+        topology, parameters = (
+            replace(topology, springs=pairs, rest_length=none),
+            replace(parameters, stiffness=none),
+        )
+    else:
+        topology = replace(topology, controller_springs=pairs, controller_rest_length=none)
+        parameters = replace(parameters, controller_stiffness=none)
+    UsdExporter()(replace(rope, topology=topology, parameters=parameters), tmp_path / "rope.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "rope.usdc"))
+    there = {name for name in ("Springs", "ControllerSprings") if stage.GetPrimAtPath(f"/Twin/{name}")}
+    assert there == ({"ControllerSprings"} if lacking == "springs" else {"Springs"})
+    assert problems(stage) == []
 
 
 def test_its_readme_travels_inside_with_units_and_frame(stage):
