@@ -58,7 +58,7 @@ def render_rollout(
     """Render the twin with its points at each of `positions` [m], one frame at a time."""
     skin = Skin(gaussians, topology)
     scales, opacities, colors = (
-        torch.as_tensor(array) for array in (gaussians.scales, gaussians.opacities, gaussians.colors)
+        torch.as_tensor(array) for array in (gaussians.scales, gaussians.opacities, gaussians.visible_colors)
     )
     for points in positions:
         with torch.no_grad():

@@ -170,7 +170,7 @@ class Gaussians:
     opacities: Float32[Array, " G"]
     """In (0, 1)."""
     colors: Float32[Array, "G 3"]
-    """RGB of the direction-independent term, 0..1."""
+    """RGB of the direction-independent term; 0..1, but beyond that where the file of another program goes."""
     volumes: Float32[Array, " G"]
     """Volume of the object that each Gaussian stands for [m³]; their sum is the object's."""
     harmonics: Float32[Array, "G R"] | None = None
@@ -180,6 +180,12 @@ class Gaussians:
     def __len__(self) -> int:
         """The number of Gaussians."""
         return len(self.means)
+
+    @property
+    def visible_colors(self) -> Float32[Array, "G 3"]:
+        """`colors` as they can be drawn, 0..1."""
+        visible: Float32[Array, "G 3"] = self.colors.clip(0.0, 1.0)
+        return visible
 
 
 @dataclass(frozen=True)

@@ -127,7 +127,7 @@ def point_colors(twin: "TwinBundle") -> Float64[Array, "N 3"]:
     total = np.bincount(index.ravel(), shares.ravel(), minlength=count)
     colors = np.full((count, 3), PALE, np.float64)
     for channel in range(3):
-        each = shares * twin.gaussians.colors[:, channel, None]
+        each = shares * twin.gaussians.visible_colors[:, channel, None]
         summed = np.bincount(index.ravel(), each.ravel(), minlength=count)
         np.divide(summed, total, out=colors[:, channel], where=total > 0)
     clipped: Float64[Array, "N 3"] = colors.clip(0.0, 1.0)

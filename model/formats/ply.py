@@ -93,7 +93,7 @@ def _gaussians(rows: Float32[Array, "G P"], harmonics: int, where: str) -> Gauss
         scales=scales,
         quaternions=(turns / norms).astype(np.float32),
         opacities=np.clip(opacities, np.float32(OPACITY_MARGIN), np.float32(1 - OPACITY_MARGIN)),
-        colors=np.clip(rows[:, 6:9] * np.float32(HARMONIC_0) + np.float32(0.5), 0, 1),
+        colors=rows[:, 6:9] * np.float32(HARMONIC_0) + np.float32(0.5),
         volumes=np.float32(4 / 3 * np.pi) * scales.prod(axis=1),
         harmonics=rows[:, len(BEFORE) : first].copy() if harmonics else None,
     )

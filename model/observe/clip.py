@@ -150,7 +150,7 @@ def lift_tracks(
         controllers=controllers,
         ground_height=ground_height(twin.parameters),
         gravity=gravity(twin.parameters),
-        colors=(np.clip(twin.gaussians.colors[chosen], 0.0, 1.0) * 255.0).round().astype(np.uint8),
+        colors=(twin.gaussians.visible_colors[chosen] * 255.0).round().astype(np.uint8),
     )
 
 

@@ -67,7 +67,7 @@ class Colors:
     ) -> Float32[Array, "G 3"]:
         """RGB, 0..1, with the points at `points` [m]."""
         if by == "appearance":
-            return self.bundle.gaussians.colors
+            return self.bundle.gaussians.visible_colors
         return on_gaussians(self.bundle, self._makers[by](settings, points).astype(np.float32))
 
     def legend(self, by: ColorBy, settings: Settings) -> Legend:

@@ -1,4 +1,5 @@
 import io
+from dataclasses import replace
 
 import av
 import cv2
@@ -94,6 +95,18 @@ def test_rollout_moves_the_twin(scene):
         y, x = np.nonzero(frame.alpha > 0.5)
         center = CAMERA.project(expected.mean(axis=0))[0]
         np.testing.assert_allclose([x.mean(), y.mean()], center, atol=1.0)
+
+
+def test_colours_are_drawn_within_what_a_picture_has(scene):
+    gaussians, topology, trajectory = scene[3:6]
+    beyond, within = (
+        next(render_rollout(each, topology, trajectory.points[:1], CAMERA, best_renderer())).color
+        for each in (
+            replace(gaussians, colors=gaussians.colors + 5.0),
+            replace(gaussians, colors=np.ones_like(gaussians.colors)),
+        )
+    )
+    np.testing.assert_array_equal(beyond, within)
 
 
 def test_preview_shows_the_clip_beside_a_twin_that_agrees(scene):

@@ -106,7 +106,7 @@ class Scene:
             f"/twins/{i}",
             (SCALE * (centers + actor.shift)).astype(np.float32),
             SCALE**2 * covariances,
-            self._session.bundle.gaussians.colors,
+            self._session.bundle.gaussians.visible_colors,
             self._session.bundle.gaussians.opacities[:, None],
         )
 

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from model.bundle import TwinBundle
+from model.exports.mechanics import point_colors
+from model.formats.ply import encode_ply
 
 
 def with_ply(members: dict[str, bytes], old: bytes, new: bytes) -> dict[str, bytes]:
@@ -61,3 +63,23 @@ def test_long_quaternions_become_unit(write_twin, members: dict[str, bytes]):
     long = members["gaussians.ply"][:-16] + struct.pack("<4f", 0, 3e38, 0, 3e38)
     turn = TwinBundle.load(write_twin(files={"gaussians.ply": long})).gaussians.quaternions[-1]
     np.testing.assert_allclose(turn, [0, np.sqrt(0.5), 0, np.sqrt(0.5)], rtol=1e-6)
+
+
+def coefficients(data: bytes) -> np.ndarray:
+    """`f_dc_0..2` of a file without further harmonics."""
+    body = data.split(b"end_header\n", 1)[1]
+    return np.frombuffer(body, "<f4").reshape(-1, 17)[:, 6:9]
+
+
+def test_colours_that_cannot_be_drawn_are_kept(write_twin, members: dict[str, bytes]):
+    """A splat from elsewhere is brighter than white and darker than black here and there."""
+    head, body = members["gaussians.ply"].split(b"end_header\n", 1)
+    rows = np.frombuffer(body, "<f4").reshape(-1, 17).copy()
+    rows[0, 6:9], rows[1, 6:9] = 3.0, -3.0
+    twin = TwinBundle.load(write_twin(files={"gaussians.ply": head + b"end_header\n" + rows.tobytes()}))
+    np.testing.assert_allclose(coefficients(encode_ply(twin.gaussians)), rows[:, 6:9], atol=1e-6)
+    twin.save(write_twin().parent / "again.twin.zip")
+    again = TwinBundle.load(write_twin().parent / "again.twin.zip")
+    np.testing.assert_allclose(coefficients(encode_ply(again.gaussians)), rows[:, 6:9], atol=1e-6)
+    np.testing.assert_allclose(twin.gaussians.visible_colors[:3, 0], [1.0, 0.0, 0.5])
+    np.testing.assert_allclose(point_colors(twin)[:3, 0], [1.0, 0.0, 0.5])

@@ -20,6 +20,8 @@ def described(twin):
 def test_a_twin_looks_as_it_looks(twin):
     colors = Colors(twin)("appearance", settings_of(twin), twin.topology.points)
     np.testing.assert_array_equal(colors, twin.gaussians.colors)
+    bright = replace(twin, gaussians=replace(twin.gaussians, colors=3.0 * twin.gaussians.colors))
+    assert Colors(bright)("appearance", settings_of(twin), twin.topology.points).max() == 1.0
 
 
 @pytest.mark.parametrize("by", ["part", "material"])
