@@ -12,6 +12,11 @@ from model.simulator.fitting.gauss_newton import differences
 from model.simulator.fitting.minimise import Vector
 from model.simulator.fitting.objective import Look, Objective
 
+ROUNDED = 1e-14
+"""Share of the best known direction's curvature below which there is nothing but rounding."""
+SMALLEST = 1e-150
+"""The least curvature there is, where nothing is known of any direction: spreads have to be numbers."""
+
 
 @dataclass(frozen=True)
 class Covariance:
@@ -48,7 +53,10 @@ def covariance(objective: Objective, z: Vector, look: Look) -> Covariance:
     jacobian = differences(lambda place: objective.residuals(place, look), z, low, high, len(residual))
     freedom = max(1, objective.count(look) - len(z))
     scale = max(1.0, float(residual @ residual) / freedom)
-    matrix = scale * np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14, hermitian=True)
+    held, directions = np.linalg.eigh(jacobian.T @ jacobian)
+    # what is not held at all is held less than rounding can say, not exactly known
+    held = held.clip(max(ROUNDED * float(held.max()), SMALLEST))
+    matrix = scale * (directions / held) @ directions.T
     matrix = (matrix + matrix.T) / 2
     return Covariance(tuple(objective.names()), matrix, _spread(objective, z, matrix))
 

@@ -45,7 +45,7 @@ class Plan:
     horizons: tuple[int, ...] | None = None
     """Frames after frame 0 that are looked at, one stage after another; None: 3, 6, 12, 20, 30, …, all."""
     finish: float = 0.4
-    """Share of the evaluations that is kept for the stage that ends the fit."""
+    """Share of the evaluations that is kept for the stage that ends the fit; it gets one at least."""
     refine: float = 2.0
     """Substeps of a last stage, as a multiple of what stability asks for: gradients converge more slowly
     than trajectories. 1: no such stage."""
@@ -94,7 +94,7 @@ class Plan:
         left = max(0.0, self.evaluations - used)
         if stages[number].last:
             return left
-        before_last = left - self.finish * self.evaluations
+        before_last = left - max(1.0, self.finish * self.evaluations)
         return max(0.0, before_last / (len(stages) - 1 - number))
 
 

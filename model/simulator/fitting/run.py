@@ -6,7 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from model.simulator.fitting.gauss_newton import gauss_newton
-from model.simulator.fitting.minimise import Descent, Goal, Outcome, Point, Tell, Vector, minimise, pushing
+from model.simulator.fitting.minimise import (
+    ROUNDING,
+    Descent,
+    Goal,
+    Outcome,
+    Point,
+    Tell,
+    Vector,
+    minimise,
+    pushing,
+)
 from model.simulator.fitting.objective import Look, Objective
 from model.simulator.fitting.plan import FEW, Plan, Stage
 from model.simulator.fitting.result import Ended, StageResult, Step, Verdict, Watch
@@ -47,7 +57,7 @@ class Run:
         look = Look(self._stages[-1].horizon, 1, self._plan.checkpoint)
         for index, stage in enumerate(self._stages):
             budget = self._plan.budget(self._stages, index, used)
-            if budget < 1:
+            if budget < 1 - ROUNDING:
                 continue
             begun = len(history)
             descent, look = self._descend(number, stage, place, (used, budget), history)

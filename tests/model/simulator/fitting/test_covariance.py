@@ -52,3 +52,21 @@ def test_what_nothing_holds_has_the_spread_of_its_prior(falling):
     mass = seek(falling, "system.mass", share=torch.zeros(4, dtype=torch.long), prior=Gaussian(1.0, 0.3))
     found = fit(falling, [mass], target, Plan(evaluations=6, horizons=(6,)), uncertain=True)
     assert float(found.covariance.spread["system.mass"]) == pytest.approx(0.3, rel=0.01)
+
+
+@pytest.mark.parametrize("names", [["gravity.gravity", "system.mass"], ["system.mass"]])
+def test_what_nothing_holds_may_be_anything(falling, names):
+    """Not exactly what it was guessed to be; and what is held is no less so for it."""
+    noise = 1e-3
+    target = Target(falling.rollout().points, noise=noise)
+    known = [
+        seek(falling, "gravity.gravity", start=torch.tensor([0.0, 0.0, -9.81]), bounds=(-20.0, 20.0)),
+        seek(falling, "system.mass", share=torch.zeros(4, dtype=torch.long)),
+    ]
+    unknowns = [each for each in known if each.name in names]
+    found = fit(falling, unknowns, target, Plan(evaluations=6, horizons=(6,)), uncertain=True).covariance
+    assert 100.0 < float(found.spread["system.mass"]) < float("inf")
+    for name in names[:-1]:
+        exact = noise / np.sqrt(4 * np.sum((falling.times**2 / 2) ** 2))
+        assert found.spread[name].tolist() == pytest.approx([exact] * 3, rel=0.02)
+    np.testing.assert_allclose(found.correlation, np.eye(len(found.names)), atol=1e-6)

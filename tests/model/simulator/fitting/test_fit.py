@@ -124,6 +124,17 @@ def test_too_few_evaluations_are_said_and_kept_to(chain, watched, method):
     assert seen[-1].horizon == 10
 
 
+@pytest.mark.parametrize("method", ["lbfgs", "gauss_newton"])
+@pytest.mark.parametrize("evaluations", [1, 7, 8])
+def test_the_stage_that_ends_a_fit_is_never_left_out(chain, watched, method, evaluations):
+    """So that the loss is that of its substeps."""
+    guess = chain(20.0)
+    plan = Plan(evaluations=evaluations, horizons=(3, 10), method=method, finish=0.01)
+    found = fit(guess, [seek(guess, STIFFNESS), seek(guess, DASHPOT)], watched(chain()), plan)
+    assert found.starts[0].stages[-1].stage.last
+    assert found.evaluations < evaluations + 1e-6
+
+
 def test_held_out_frames_do_not_enter_the_loss(chain, watched):
     target = watched(chain())
     last = np.arange(11) >= 8

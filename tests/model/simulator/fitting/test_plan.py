@@ -28,6 +28,13 @@ def test_what_early_stages_leave_over_goes_to_the_next():
     assert plan.budget(stages, 2, 101.0) == 0.0
 
 
+def test_the_last_stage_has_an_evaluation_however_small_its_share():
+    plan = Plan(evaluations=10, finish=0.01)
+    stages = plan.stages(7)
+    assert plan.budget(stages, 1, 2.0) == pytest.approx(7.0)
+    assert plan.budget(stages, 2, 9.0) == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
