@@ -38,7 +38,7 @@ from model.version import __version__
 
 if TYPE_CHECKING:
     from model.bundle import TwinBundle
-    from model.types import Trajectory
+    from model.types import Observation, Trajectory
 
 DONE, OUR_FAULT, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -204,12 +204,12 @@ def simulate(
         "trajectory": str(out),
         "frames": frames,
         "points": points,
-        "seconds": float(trajectory.times[-1]),
+        "seconds": _lasting(trajectory),
     }
     if as_json:
         print_json(result | dict(trajectory.metadata) | {"video": None if video is None else str(video)})
     elif not quiet:
-        click.echo(f"wrote {out} ({frames} frames of {points} points, {trajectory.times[-1]:.2f} s)")
+        click.echo(f"wrote {out} ({frames} frames of {points} points, {_lasting(trajectory):.2f} s)")
         if video is not None:
             click.echo(f"wrote {video}")
     if not quiet:
@@ -273,9 +273,9 @@ def observe(
     if as_json:
         controllers = observation.controllers.shape[1]
         counts = {"frames": frames, "points": points, "controllers": controllers}
-        print_json({"observation": str(out), **counts, "seconds": float(observation.times[-1])})
+        print_json({"observation": str(out), **counts, "seconds": _lasting(observation)})
     elif not quiet:
-        click.echo(f"wrote {out} ({frames} frames of {points} points, {observation.times[-1]:.2f} s)")
+        click.echo(f"wrote {out} ({frames} frames of {points} points, {_lasting(observation):.2f} s)")
     if not quiet:
         warn([*doubts, *observation_doubts(observation)])
 
@@ -337,6 +337,11 @@ def _usage(error: click.ClickException) -> str:
     return f"{command}: {message[:1].lower()}{message[1:]} (see {command} --help)"
 
 
+def _lasting(motion: "Trajectory | Observation") -> float:
+    """From the first frame to the last [s]."""
+    return float(motion.times[-1] - motion.times[0])
+
+
 def _roll(
     bundle: "TwinBundle", controls: Path | None, substeps: int | None, report: StageReport
 ) -> "Trajectory":
@@ -351,7 +356,10 @@ def _roll(
 
     given = read_controls(controls, len(bundle.topology.controller_points))
     jump = float(abs(given.motion[0] - bundle.topology.controller_points).max(initial=0.0))
-    if jump > JUMP_LIMIT:
+    if not len(bundle.topology.controller_springs):
+        moved = "moves nothing: no spring joins the controllers of this twin to its points"
+        warnings.warn(f"{controls.name} {moved}", stacklevel=2)
+    elif jump > JUMP_LIMIT:
         where = f"{jump:.3g} m from where the controllers are at rest"
         warnings.warn(f"{controls.name} starts {where}: a jerk follows", stacklevel=2)
     return bundle.rollout(given.motion, follow, times=given.times, substeps=substeps)

@@ -58,6 +58,28 @@ def test_other_controls(simulate, twin_path: Path, tensors, key: str):
     assert "from where the controllers" not in outcome.stderr
 
 
+def test_times_may_begin_anywhere(simulate, twin_path: Path, tensors):
+    path = twin_path.parent / "controls.npz"
+    np.savez(path, controls=tensors["controls"][:4], times=np.array([100, 100.02, 100.05, 100.06]))
+    outcome, arrays = simulate(twin_path, "--controls", path)
+    assert "4 frames of 27 points, 0.06 s)" in outcome.stdout
+    assert arrays["times"][0] == 100
+    outcome, _ = simulate(twin_path, "--controls", path, "--json")
+    assert json.loads(outcome.stdout)["seconds"] == pytest.approx(0.06)
+
+
+def test_controls_that_hold_nothing_are_said(simulate, write_twin, tensors):
+    names = ["controller_springs", "controller_rest_length", "controller_stiffness"]
+    twin_path = write_twin(**{name: tensors[name][:0] for name in names})
+    np.savez(twin_path.parent / "controls.npz", controls=tensors["controls"])
+    outcome, _ = simulate(twin_path, "--controls", twin_path.parent / "controls.npz")
+    assert (
+        "warning: controls.npz moves nothing: no spring joins the controllers of this twin" in outcome.stderr
+    )
+    outcome, _ = simulate(twin_path)
+    assert "moves nothing" not in outcome.stderr
+
+
 def test_a_jump_is_said(simulate, twin_path: Path, tensors):
     np.savez(twin_path.parent / "controls.npz", controls=tensors["controls"] + 0.05)
     outcome, _ = simulate(twin_path, "--controls", twin_path.parent / "controls.npz")

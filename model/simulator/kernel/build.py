@@ -4,6 +4,7 @@ import ctypes
 import hashlib
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import tempfile
@@ -40,7 +41,7 @@ def load(source: str) -> ctypes.CDLL:
     """
     compiler = _compiler()
     flags = (*FLAGS, *_wishes(compiler))
-    told = "\0".join([source, *flags, _version(compiler), _processor()])
+    told = "\0".join([source, *compiler[1:], *flags, _version(compiler), _processor()])
     name = f"{hashlib.sha256(told.encode()).hexdigest()}.so"
     folder = cache_folder()
     path = folder / name
@@ -70,46 +71,50 @@ def _temporary_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="matphys-kernels-"))
 
 
-def _compile(compiler: str, flags: tuple[str, ...], source: str, path: Path) -> None:
+def _compile(compiler: tuple[str, ...], flags: tuple[str, ...], source: str, path: Path) -> None:
     """Compile beside `path`, then move there: whoever builds the same at once does no harm."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as work:
         text, made = Path(work) / "kernel.cpp", Path(work) / "kernel.so"
         text.write_text(source)
         try:
             run = subprocess.run(
-                [compiler, *flags, str(text), "-o", str(made)],
+                [*compiler, *flags, str(text), "-o", str(made)],
                 capture_output=True,
                 text=True,
                 timeout=SECONDS,
                 check=False,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise CannotBuild(f"the compiler {compiler} does not run ({error})") from error
+            raise CannotBuild(f"the compiler {shlex.join(compiler)} does not run ({error})") from error
         if run.returncode:
             said = next((line for line in run.stderr.splitlines() if "error" in line), run.stderr[:200])
-            raise CannotBuild(f"the compiler {compiler} refuses the kernel: {said}")
+            raise CannotBuild(f"the compiler {shlex.join(compiler)} refuses the kernel: {said}")
         os.replace(made, path)
 
 
-def _compiler() -> str:
-    wanted = os.environ.get("CXX") or "c++"
+def _compiler() -> tuple[str, ...]:
+    """The command and its first arguments: `CXX` may be `ccache g++`."""
+    try:
+        wanted, *rest = shlex.split(os.environ.get("CXX", "")) or ["c++"]
+    except ValueError as error:
+        raise CannotBuild(f"CXX is no command ({error})") from None
     found = shutil.which(wanted)
     if found is None:
         raise CannotBuild(f"there is no C++ compiler ({wanted} is not on the PATH)")
-    return found
+    return found, *rest
 
 
 @lru_cache(maxsize=8)
-def _version(compiler: str) -> str:
-    return subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False).stdout
+def _version(compiler: tuple[str, ...]) -> str:
+    return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
 
 
 @lru_cache(maxsize=8)
-def _wishes(compiler: str) -> tuple[str, ...]:
+def _wishes(compiler: tuple[str, ...]) -> tuple[str, ...]:
     """Those of `WISHES` that the compiler grants."""
 
     def granted(flag: str, text: str) -> bool:
-        ask = [compiler, "-Werror", flag, "-x", "c++", "-E", "-"]
+        ask = [*compiler, "-Werror", flag, "-x", "c++", "-E", "-"]
         return not subprocess.run(ask, input=text, capture_output=True, text=True, check=False).returncode
 
     return tuple(flag for flag, text in WISHES if granted(flag, text))

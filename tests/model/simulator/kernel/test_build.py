@@ -66,6 +66,21 @@ def test_two_processes_building_at_once_do_not_collide(cache):
     assert len(list(cache.iterdir())) == 1
 
 
+def test_the_compiler_may_be_several_words(cache, monkeypatch):
+    """As `ccache g++`: here `env c++`, and an argument with a space."""
+    monkeypatch.setenv("CXX", "env c++ '-DWORDS=1 + 1'")
+    assert build.load(ANSWER.replace("%d", "WORDS")).answer() == 2
+
+
+@pytest.mark.parametrize(
+    ("compiler", "line"), [("'c++", "CXX is no command"), ("no-such-thing g++", "no-such-thing is not on")]
+)
+def test_what_is_no_compiler_is_said(cache, monkeypatch, compiler, line):
+    monkeypatch.setenv("CXX", compiler)
+    with pytest.raises(build.CannotBuild, match=line):
+        build.load(ANSWER % 4)
+
+
 def test_without_a_compiler_it_says_so(cache, monkeypatch):
     monkeypatch.setenv("PATH", "")
     with pytest.raises(build.CannotBuild, match=r"no C\+\+ compiler"):
