@@ -74,7 +74,7 @@ def build_topology(
         raise InputError("topology: the reconstruction has no extent; give a larger or clearer object")
     part = parts.labels[chosen].astype(np.int32)
     springs, bridged = _springs(points, part, priors, shape_class, gaussians)
-    warnings = [f"topology: {bridged} loose piece(s) joined by their shortest links"] if bridged else []
+    warnings = [f"{bridged} loose piece(s) joined by their shortest links"] if bridged else []
     density = np.array([prior.properties["density"].mean for prior in priors])[parts.labels]
     grips, grip_lengths, grip_warnings = _hold(points, controllers)
     positions = points.astype(np.float32)
@@ -139,7 +139,7 @@ def _hold(
     away = distance[:, 0] > GRIP_REACH * spacing
     held[away] = False
     far, reach = int(away.sum()), GRIP_REACH * spacing
-    warnings = [f"topology: {far} controller point(s) start more than {reach:.3f} m away and hold nothing"]
+    warnings = [f"{far} controller point(s) start more than {reach:.3f} m away and hold nothing"]
     warnings = warnings if far else []
     owner = np.repeat(np.arange(len(starts))[:, None], wanted, axis=1)
     pairs = np.stack([owner[held], index[held]], axis=1).astype(np.int32)

@@ -64,7 +64,7 @@ def find_controllers(
         found.append(later)
         paths.append(_path(frames, masks, *later, tracker))
     if not found:
-        warning = "controllers: nothing holds the object; it will fall or rest"
+        warning = "nothing holds the object; it will fall or rest"
         empty = np.zeros((len(frames.images) - key, 0, 3), np.float32)
         return Controllers(empty, np.zeros(0, int), (warning,))
     rest = [
@@ -179,18 +179,18 @@ def _doubts(
     for index, ((start, _), path) in enumerate(zip(found, paths, strict=True)):
         if start > key:
             notes.append(
-                f"controllers: hand {index} touches the object first on frame {frames.number(start)}; "
+                f"hand {index} touches the object first on frame {frames.number(start)}; "
                 "until then the place it will touch follows the object"
             )
         lost = 1.0 - path.tracked.mean()
         if lost > 0.2:
-            notes.append(f"controllers: hand {index} followed by the masks alone in {lost:.0%} of the frames")
+            notes.append(f"hand {index} followed by the masks alone in {lost:.0%} of the frames")
         if len(path.touching) < RELEASE:
             continue
         apart = np.convolve(~path.touching, np.ones(RELEASE), "valid") >= RELEASE
         if apart.any():
             frame = frames.number(key + int(np.argmax(apart)))
-            notes.append(f"controllers: hand {index} seems to let go on frame {frame}; the replay holds on")
+            notes.append(f"hand {index} seems to let go on frame {frame}; the replay holds on")
     return notes
 
 
