@@ -88,11 +88,13 @@ def work(make: Callable[[int], Stable]) -> None:
         make: Gives a loop, the first for 0; each with another name, since the last may not have signed off.
     """
     for number in itertools.count():
+        stable: Stable | None = None
         try:
             stable = make(number)
             stable.work(logging_level="WARNING")
-            if stable.told_to_stop:
-                return
         except redis.exceptions.RedisError:
             pass
+        # where Redis ends at the same time, as when all of a service is killed, the loop breaks off instead
+        if stable is not None and stable.told_to_stop:
+            return
         time.sleep(CLOCK_S)
