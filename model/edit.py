@@ -14,9 +14,10 @@ from model.imagine import imagine
 from model.manifest import stiffness_record
 from model.predictor import ParameterPredictor, PriorMeanPredictor, TrainedPredictor
 from model.predictor.prior_mean import POOLED
-from model.priors.materials import MATERIALS, UNITS, typical
+from model.priors.materials import MATERIALS, typical
 from model.schema import PartRecord, PropertyRecord, StageRecord, content_id
 from model.types import Estimate, MaterialPrior, Parameters, ShapeClass, Topology
+from model.units import PROPERTY_UNITS
 from model.version import __version__
 
 
@@ -131,14 +132,16 @@ def _means(twin: TwinBundle, priors: Sequence[MaterialPrior], shape: ShapeClass)
 
 def _prior(record: PartRecord, number: int, shape: ShapeClass) -> MaterialPrior:
     """What the twin believed a part to be made of."""
-    missing = [name for name in UNITS if name not in record.prior]
+    missing = [name for name in PROPERTY_UNITS if name not in record.prior]
     if missing:
         raise InputError(
             f"parts.json: part {number} has no prior of its {missing[0]}: edit twins that matphys made"
         )
     properties = {
-        name: Estimate(mean=record.prior[name].mean, spread=record.prior[name].spread, unit=UNITS[name])
-        for name in UNITS
+        name: Estimate(
+            mean=record.prior[name].mean, spread=record.prior[name].spread, unit=PROPERTY_UNITS[name]
+        )
+        for name in PROPERTY_UNITS
     }
     return MaterialPrior(np.array([record.materials.get(name, 0.0) for name in MATERIALS]), properties, shape)
 

@@ -138,9 +138,10 @@ def _hold(
     held &= np.cumsum(held, axis=1) <= GRIP_SPRINGS
     away = distance[:, 0] > GRIP_REACH * spacing
     held[away] = False
-    far, reach = int(away.sum()), GRIP_REACH * spacing
-    warnings = [f"{far} controller point(s) start more than {reach:.3f} m away and hold nothing"]
-    warnings = warnings if far else []
+    warnings = []
+    if far := int(away.sum()):
+        reach = GRIP_REACH * spacing
+        warnings.append(f"{far} controller point(s) start more than {reach:.3f} m away and hold nothing")
     owner = np.repeat(np.arange(len(starts))[:, None], wanted, axis=1)
     pairs = np.stack([owner[held], index[held]], axis=1).astype(np.int32)
     return pairs, distance[held].astype(np.float32), warnings

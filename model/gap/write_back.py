@@ -14,7 +14,7 @@ from torch import Tensor
 
 from model.bundle import TwinBundle
 from model.errors import InputError
-from model.formats.parameters import encode_parameters
+from model.formats.parameters import UNITS, encode_parameters
 from model.gap.bodies.first import first_places
 from model.gap.carried import CATALOGUE, record_of, values_of
 from model.gap.diagnosis import Diagnosis
@@ -40,7 +40,6 @@ from model.timing import evenly_timed
 from model.types import Array, Gaussians, Observation, Parameter, Parameters, Topology
 from model.version import __version__
 
-UNITS = {"dashpot_damping": "N*s/m", "drag_rate": "1/s", "friction": "1"}
 SCALED = ("stiffness", "damping", "grip")
 """Quantities that a coarser twin has other values of: a fit is written back by how much it changed them."""
 GREY = 0.6

@@ -5,12 +5,11 @@ import torch
 from jaxtyping import Float64
 from torch import Tensor
 
+from model.formats.parameters import UNITS
 from model.predictor.affordable import SUBSTEPS, affordable
 from model.predictor.prior_means import collision_distance
 from model.predictor.sample import GLOBALS, Prediction, Sample
 from model.types import Array, Parameter, Parameters, Topology
-
-_UNITS = {"dashpot_damping": "N*s/m", "drag_rate": "1/s", "friction": "1", "restitution": "1"}
 
 
 def to_parameters(
@@ -36,7 +35,7 @@ def to_parameters(
     limit = affordable(topology, stiffness, held, float(value[0]))
     value[0], std[0] = value[0] * limit.dashpot, std[0] * limit.dashpot
     entries = {
-        name: Parameter(float(one), _UNITS[name], "predicted", float(apart))
+        name: Parameter(float(one), UNITS[name], "predicted", float(apart))
         for name, one, apart in zip(GLOBALS, value, std, strict=True)
     }
     entries["collision_distance"] = Parameter(collision_distance(topology), "m", "prior")

@@ -7,9 +7,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError, field_validator, model_validator
 
 from model.errors import InputError
-from model.priors.materials import MATERIALS, UNITS, normalised
+from model.priors.materials import MATERIALS, normalised
 from model.priors.table import SPECIFIC_STIFFNESS_CEILING
 from model.types import Estimate, MaterialPrior, PartView
+from model.units import PROPERTY_UNITS
 
 INTERVAL_WIDTH = 2 * 1.645
 """A range is read as the middle 90 % of a normal distribution of the logarithm."""
@@ -138,7 +139,7 @@ def parse(content: str) -> Answer:
 def believe(answer: Answer) -> MaterialPrior:
     """A prior with the answer's distribution and a log-normal for each range."""
     warnings: list[str] = []
-    ranges: dict[str, Range] = {name: getattr(answer, name) for name in UNITS}
+    ranges: dict[str, Range] = {name: getattr(answer, name) for name in PROPERTY_UNITS}
     properties = {name: _estimate(name, each, LIMITS[name], warnings) for name, each in ranges.items()}
     ceiling = SPECIFIC_STIFFNESS_CEILING * properties["density"].mean
     if properties["stiffness"].mean > ceiling:
@@ -158,5 +159,7 @@ def _estimate(name: str, given: Range, limits: tuple[float, float], warnings: li
     spread = max((math.log(given.high) - math.log(given.low)) / INTERVAL_WIDTH, MIN_SPREAD)
     limited = min(max(mean, limits[0]), limits[1])
     if limited != mean:
-        warnings.append(f"{name} {mean:.3g} {UNITS[name]} was drawn to {limited:.3g}, which a twin can use")
-    return Estimate(mean=limited, spread=spread, unit=UNITS[name])
+        warnings.append(
+            f"{name} {mean:.3g} {PROPERTY_UNITS[name]} was drawn to {limited:.3g}, which a twin can use"
+        )
+    return Estimate(mean=limited, spread=spread, unit=PROPERTY_UNITS[name])

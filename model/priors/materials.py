@@ -11,16 +11,14 @@ from model.types import Array, Estimate, ShapeClass
 from model.units import PROPERTY_UNITS
 
 MATERIALS = ("fabric", "leather", "rubber", "plastic", "metal", "wood", "paper", "silk", "denim", "fur")
-UNITS: Mapping[str, str] = PROPERTY_UNITS
-"""Every property of a material and its unit."""
 _ROWS: Mapping[tuple[str, str], Row] = {(row.material, row.property): row for row in TABLE}
 
 
 def typical(material: str, shape_class: ShapeClass) -> dict[str, Estimate]:
-    """What one material is like in one shape: an estimate per property of `UNITS`."""
-    rows = {name: _ROWS[material, name] for name in UNITS}
+    """What one material is like in one shape: an estimate per property of `PROPERTY_UNITS`."""
+    rows = {name: _ROWS[material, name] for name in PROPERTY_UNITS}
     return {
-        name: Estimate(mean=row.value(shape_class), spread=row.spread, unit=UNITS[name])
+        name: Estimate(mean=row.value(shape_class), spread=row.spread, unit=PROPERTY_UNITS[name])
         for name, row in rows.items()
     }
 
@@ -28,7 +26,7 @@ def typical(material: str, shape_class: ShapeClass) -> dict[str, Estimate]:
 def combine(distribution: Float64[Array, "10"], shape_class: ShapeClass) -> dict[str, Estimate]:
     """Properties of something that is one of the ten materials, with these probabilities."""
     each = [typical(material, shape_class) for material in MATERIALS]
-    return {name: mixture([estimates[name] for estimates in each], distribution) for name in UNITS}
+    return {name: mixture([estimates[name] for estimates in each], distribution) for name in PROPERTY_UNITS}
 
 
 def mixture(estimates: Sequence[Estimate], weights: Float64[Array, " n"]) -> Estimate:

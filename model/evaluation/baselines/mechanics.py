@@ -10,6 +10,7 @@ from torch import Tensor
 
 from model.evaluation.baselines.base import PartBelief, carried
 from model.evaluation.baselines.wiring import hold, with_springs
+from model.formats.parameters import REQUIRED, UNITS
 from model.predictor.affordable import MARGIN, SUBSTEPS, affordable
 from model.predictor.lattice import lattice_stiffness
 from model.predictor.prior_mean import PriorMeanPredictor
@@ -21,7 +22,7 @@ from model.simulator.parameters import TensorLike
 from model.simulator.simulator import Simulator
 from model.types import Array, Parameter, Parameters, Topology
 
-GLOBALS = {"dashpot_damping": "N*s/m", "drag_rate": "1/s", "friction": "1", "restitution": "1"}
+GLOBALS = {name: UNITS[name] for name in REQUIRED}
 """What has one value for the whole object, and its unit."""
 LEAST = {"dashpot_damping": 1e-5, "drag_rate": 1e-3, "friction": 1e-2, "restitution": 1e-2}
 MOST_RESTITUTION = 0.95

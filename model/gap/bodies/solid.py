@@ -23,30 +23,28 @@ def lattice(places: Float64[Array, "N 3"], scale: float) -> tuple[Float64[Array,
         places: Seen points of the surface [m].
         scale: Of the spacing.
     """
-    hull = ConvexHull(places)
     # along the solid's own axes, so that it has the same inside however it lies
     axes, middle = np.linalg.eigh(np.cov(places.T))[1], places.mean(0)
     own = (places - middle) @ axes
-    inside = Inside.of(own)
-
-    def in_hull(points: Float64[Array, "G 3"], margin: float) -> Float64[Array, "H 3"]:
-        there = points @ axes.T + middle
-        kept: Float64[Array, "H 3"] = points[
-            (there @ hull.equations[:, :3].T + hull.equations[:, 3] < -margin).all(1)
-        ]
-        return kept
-
-    cells = in_hull(_grid(own, float(hull.volume / CELLS) ** (1 / 3)), 0.0)
+    hull, inside = ConvexHull(own), Inside.of(own)
+    cells = _deep(_grid(own, float(hull.volume / CELLS) ** (1 / 3)), hull, 0.0)
     filled = float((inside(cells) > WITHIN).mean()) if len(cells) else 1.0
     volume = float(hull.volume) * max(filled, 1.0 / CELLS)
     spacing = scale * max(usual_distance(places), (volume / SOLID_POINTS) ** (1 / 3))
     surface = places[farthest_points(places, 0.75 * spacing)]
-    grid = in_hull(_grid(own, spacing), 0.2 * spacing)
+    grid = _deep(_grid(own, spacing), hull, 0.2 * spacing)
     if len(grid):
         grid = grid[cKDTree(own).query(grid)[0] > 0.6 * spacing]
     if len(grid):
         grid = grid[inside(grid) > WITHIN]
     return np.concatenate([surface, grid @ axes.T + middle]), spacing
+
+
+def _deep(points: Float64[Array, "G 3"], hull: ConvexHull, depth: float) -> Float64[Array, "H 3"]:
+    """Those that lie more than `depth` [m] below the surface of a hull."""
+    apart = points @ hull.equations[:, :3].T + hull.equations[:, 3]
+    deep: Float64[Array, "H 3"] = points[(apart < -depth).all(1)]
+    return deep
 
 
 def _grid(places: Float64[Array, "N 3"], spacing: float) -> Float64[Array, "G 3"]:

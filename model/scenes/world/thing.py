@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from model.predictor.prior_mean import PriorMeanPredictor
-from model.priors.materials import MATERIALS, UNITS, typical
+from model.priors.materials import MATERIALS, typical
 from model.scenes.anchors import anchor
 from model.scenes.case import Anchors, ObjectClass, Truth
 from model.scenes.looks import paint, wardrobe
@@ -32,6 +32,7 @@ from model.types import (
     ShapeClass,
     Topology,
 )
+from model.units import PROPERTY_UNITS
 
 GAUSSIANS = 1100
 """That fill an object, about."""
@@ -146,7 +147,10 @@ def with_density(
     return tuple(
         replace(
             prior,
-            properties={**prior.properties, "density": Estimate(substance.density, KNOWN, UNITS["density"])},
+            properties={
+                **prior.properties,
+                "density": Estimate(substance.density, KNOWN, PROPERTY_UNITS["density"]),
+            },
         )
         for prior, substance in zip(priors, substances, strict=True)
     )
@@ -241,7 +245,9 @@ def _exact(
     """Beliefs that are the truth."""
     beliefs = []
     for substance, stiffness in zip(substances, modulus, strict=True):
-        values = {name: float(getattr(substance, name)) for name in UNITS} | {"stiffness": float(stiffness)}
+        values = {name: float(getattr(substance, name)) for name in PROPERTY_UNITS} | {
+            "stiffness": float(stiffness)
+        }
         rows = typical(MATERIALS[substance.material], shape_class)
         properties = {name: replace(rows[name], mean=value) for name, value in values.items()}
         certain = np.eye(len(MATERIALS))[substance.material]

@@ -6,16 +6,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from model.errors import InputError
-from model.priors.materials import MATERIALS, UNITS, combine, mixture, normalised, typical
+from model.priors.materials import MATERIALS, combine, mixture, normalised, typical
 from model.priors.table import SPECIFIC_STIFFNESS_CEILING, TABLE
 from model.types import Estimate
+from model.units import PROPERTY_UNITS
 
 SHAPES = ("sheet", "rope", "solid")
 
 
 def test_every_material_has_every_property_once_and_each_says_why():
     pairs = [(row.material, row.property) for row in TABLE]
-    assert sorted(pairs) == sorted((material, name) for material in MATERIALS for name in UNITS)
+    assert sorted(pairs) == sorted((material, name) for material in MATERIALS for name in PROPERTY_UNITS)
     assert all(len(row.source) > 8 for row in TABLE)
 
 
@@ -58,7 +59,7 @@ def test_certainty_gives_back_the_material(index, shape):
     for name, estimate in typical(MATERIALS[index], shape).items():
         assert combined[name].mean == pytest.approx(estimate.mean)
         assert combined[name].spread == pytest.approx(estimate.spread)
-        assert combined[name].unit == UNITS[name]
+        assert combined[name].unit == PROPERTY_UNITS[name]
 
 
 def test_two_equal_components_in_closed_form():
@@ -73,7 +74,7 @@ def test_two_equal_components_in_closed_form():
 def test_moments_match_a_sampled_mixture_in_closed_form(weights, shape):
     distribution = np.array(weights) / np.sum(weights)
     combined = combine(distribution, shape)
-    for name in UNITS:
+    for name in PROPERTY_UNITS:
         each = [typical(material, shape)[name] for material in MATERIALS]
         first = sum(w * np.log(e.mean) for w, e in zip(distribution, each, strict=True))
         second = sum(w * (e.spread**2 + np.log(e.mean) ** 2) for w, e in zip(distribution, each, strict=True))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from model.errors import InputError
-from model.priors.materials import MATERIALS, UNITS
+from model.priors.materials import MATERIALS
 from model.priors.openai import OpenAIPrior
+from model.units import PROPERTY_UNITS
 
 
 def test_a_good_answer_becomes_a_belief(serve, client, good, view):
@@ -17,7 +18,7 @@ def test_a_good_answer_becomes_a_belief(serve, client, good, view):
     assert prior.distribution.sum() == pytest.approx(1.0)
     assert prior.shape_class == "solid"
     assert prior.warnings == ()
-    assert {name: each.unit for name, each in prior.properties.items()} == dict(UNITS)
+    assert {name: each.unit for name, each in prior.properties.items()} == dict(PROPERTY_UNITS)
     assert prior.properties["stiffness"].mean == pytest.approx(3e4)
     assert prior.properties["stiffness"].spread == pytest.approx(np.log(9) / (2 * 1.645))
 
@@ -47,7 +48,7 @@ def test_the_request_is_a_chat_completion_with_picture_and_schema(serve, client,
     schema = wanted["json_schema"]["schema"]
     assert wanted["json_schema"]["strict"] is True
     assert schema["additionalProperties"] is False
-    assert set(schema["required"]) == {"materials", "shape_class", *UNITS}
+    assert set(schema["required"]) == {"materials", "shape_class", *PROPERTY_UNITS}
     assert set(schema["$defs"]["Weights"]["required"]) == set(MATERIALS)
     # Strict endpoints take no keyword beside a reference.
     assert all(set(each) == {"$ref"} for each in schema["properties"].values() if "$ref" in each)

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from model.priors.materials import MATERIALS, UNITS, combine
+from model.priors.materials import MATERIALS, combine
 from model.priors.stub import StubPrior, measure
 from model.types import PartView
+from model.units import PROPERTY_UNITS
 
 SIZE = (160, 200)
 WHOLE = np.zeros(SIZE, bool)
@@ -50,7 +51,7 @@ def test_the_answer_is_a_wide_distribution(image):
 @pytest.mark.parametrize("image", IMAGES.values(), ids=IMAGES)
 def test_properties_follow_from_the_distribution(image):
     prior = believe(image)
-    assert set(prior.properties) == set(UNITS)
+    assert set(prior.properties) == set(PROPERTY_UNITS)
     assert prior.properties == combine(prior.distribution, prior.shape_class)
 
 
