@@ -145,7 +145,7 @@ def _held(matter: Matter, graph: Graph) -> Matter:
         start={**matter.start, "grip": firm / matter.start["stiffness"]},
         grip_pattern=graph.grip_stiffness / firm,
         grip_length=graph.grip_length,
-        grip_distance=None,
+        hold=None,
     )
 
 

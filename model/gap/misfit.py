@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float64, Int64
 from model.gap.coordinates import Coordinates
 from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
-from model.gap.plain import HAND
+from model.gap.plain import HAND, HOLD
 from model.gap.world import World
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.system import State
@@ -24,10 +24,10 @@ SPARE = 1.3
 """Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
-STEADY: Mapping[str, int] = {HAND: 4, "residual_": 2}
+STEADY: Mapping[str, int] = {HAND: 4, HOLD: 4, "residual_": 2}
 """How quantities begin whose slopes are kept from step to step, and in how many: then, and where a fit ends,
-they are looked at anew. Where a hand is moves what it holds much the same, whatever that is made of, and
-there are up to six of them; a flexible force is nearly linear in its forty weights."""
+they are looked at anew. Where a hand is, and where it holds the body, moves that much the same, whatever
+it is made of, and there are up to twelve of them; a flexible force is nearly linear in its forty weights."""
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,9 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from model.gap.bodies.body import Body
-from model.gap.bodies.grip import held_distance, held_places, holding, idle_hands
+from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
+from model.gap.bodies.hold import Hold
 from model.gap.carried import carrying
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
@@ -64,6 +65,10 @@ MOST_HANDS = 2
 """Of more, none is taken to be elsewhere."""
 ELSEWHERE = 0.01
 """A hand is at most so far from where it was measured to be, along each axis [m]."""
+HOLD = "hold_"
+"""How quantities begin that say by how much a hand holds the body elsewhere than its controllers are."""
+ASIDE = 0.75
+"""Grasps: it holds at most so far from them, along each axis."""
 EASED = 0.15
 """Time in which it comes to be there [s]: the first frame is at rest."""
 
@@ -86,8 +91,8 @@ class Matter:
     """Where a fit of `PlainTwin.quantities` starts."""
     given: bool
     """It came with the twin; else nothing is known of the body but its shape."""
-    grip_distance: Float64[Array, " S"] | None = None
-    """How far each held point is from its hand [m], where it is not known how far that reaches."""
+    hold: Hold | None = None
+    """The points within a hand, where it is not known which of them it holds; None: it is."""
     restitution: float = 0.0
     collision_distance: float = 0.0
     """[m]; 0: the body does not meet itself."""
@@ -96,11 +101,16 @@ class Matter:
     slackness: float = 0.0
     """Of cloth, share of the compression that it wrinkles under instead of bearing it; 0: it is none."""
 
-    def fading(self, reach: Tensor) -> Float[Tensor, "*b S"]:
-        """How firmly a hand that reaches so far [m] holds each point, 0..1: fully where it is."""
-        if self.grip_distance is None:
+    def fading(self, reach: Tensor, moved: Float[Tensor, "*b n 3"] | None = None) -> Float[Tensor, "*b S"]:
+        """How firmly a hand that reaches so far [m] holds each point, 0..1: fully where it is.
+
+        Args:
+            reach: Where the firmness has fallen to 0.6 [m].
+            moved: How far each hand is from its controllers on the body [m]; None: it is where they are.
+        """
+        if self.hold is None:
             return torch.ones(len(self.grip_pattern), dtype=torch.float64)
-        firm: Tensor = torch.exp(-0.5 * (torch.from_numpy(self.grip_distance) / reach) ** 2)
+        firm: Tensor = torch.exp(-0.5 * self.hold.square(moved) / reach**2)
         return firm.clamp_min(LOOSEST)
 
     @classmethod
@@ -109,8 +119,7 @@ class Matter:
         way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
         length: Float64[Array, " E"] = np.linalg.norm(way, axis=1)
         hands = observation.controllers[0].astype(np.float64)
-        held = body.points[body.grip[:, 1]]
-        distance = held_distance(hands, held, SAME_HAND * body.grasp) if len(held) else np.zeros(0)
+        hold = Hold.of(hands, body.points[body.grip[:, 1]], SAME_HAND * body.grasp)
         weight = MASS * max(float(np.linalg.norm(observation.gravity)), 1.0)
         start = {
             "stiffness": 30.0 * weight / body.spacing / max(1.0, len(body.points) ** 0.5),
@@ -130,7 +139,7 @@ class Matter:
             np.zeros(len(body.grip)),
             start,
             given=False,
-            grip_distance=distance,
+            hold=hold,
             # few points, or several in one place, may have no three in a row
             bending_decay=CALM[body.shape] if len(rows(body.points, body.springs)) else 0.0,
             slackness=SLACKNESS if body.shape == "sheet" else 0.0,
@@ -149,8 +158,6 @@ class PlainTwin:
     controls: Float64[Array, "T H 3"]
     """Where the other ends of the springs of the grip are [m]: controllers without the noise of their
     measurement, or places of what they hold."""
-    hands: Int64[Array, " H"] | None = None
-    """Which hand each of these goes with; None: they are those that the twin came with."""
     carried: tuple[EffectRecord, ...] = ()
     """Effects that a given twin has already."""
     along: Body | None = None
@@ -164,11 +171,9 @@ class PlainTwin:
         hand carries it, so that the grip does not depend on where a lattice happens to have points.
         """
         controls: Float64[Array, "T H 3"] = steadied(observation.controllers, observation.times)
-        hands = None
         if matter is None:
             held = _reachable(body, observation)
             if len(held):
-                hands = holding(controls[0], body.points[held], SAME_HAND * body.grasp)
                 controls = held_places(controls, body.points[held], SAME_HAND * body.grasp)
             body = replace(body, grip=np.stack([np.arange(len(held)), held], axis=1))
             matter = Matter.guessed(body, observation)
@@ -179,7 +184,7 @@ class PlainTwin:
             bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
         rest = resting(body.points, body.springs, weights, bearing, presses=not matter.slackness)
-        return cls(body, observation, matter, rest, controls, hands)
+        return cls(body, observation, matter, rest, controls)
 
     @property
     def given(self) -> bool:
@@ -189,7 +194,7 @@ class PlainTwin:
     @property
     def hand_known(self) -> bool:
         """The hand is the one that it came with; else how it is held is a guess."""
-        return self.matter.grip_distance is None
+        return self.matter.hold is None
 
     @property
     def idle(self) -> list[float]:
@@ -217,7 +222,9 @@ class PlainTwin:
             own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
             if not self.hand_known:
                 own["reach"] = Quantity("1", (0.03, 1.5), start["reach"], log=True)
-            own |= {name: Quantity("m", (-ELSEWHERE, ELSEWHERE), 0.0) for name in self._elsewhere}
+            aside = ASIDE * self.body.grasp
+            own |= {name: Quantity("m", (-ELSEWHERE, ELSEWHERE), 0.0) for name in self._each_hand(HAND)}
+            own |= {name: Quantity("m", (-aside, aside), 0.0) for name in self._each_hand(HOLD)}
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         if self.matter.slackness and self.matter.bending_decay:
@@ -227,12 +234,11 @@ class PlainTwin:
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
         return own
 
-    @property
-    def _elsewhere(self) -> list[str]:
-        """Quantities that say where each hand is, hand by hand, x, y and z."""
-        count = 0 if self.hands is None else int(self.hands.max(initial=-1)) + 1
+    def _each_hand(self, of: str) -> list[str]:
+        """Quantities whose names begin like this, hand by hand, x, y and z."""
+        count = 0 if self.matter.hold is None else int(self.matter.hold.hands.max(initial=-1)) + 1
         hands = range(1, count + 1) if count <= MOST_HANDS else ()
-        return [f"{HAND}{hand}_{axis}" for hand in hands for axis in "xyz"]
+        return [f"{of}{hand}_{axis}" for hand in hands for axis in "xyz"]
 
     @property
     def _stiffest(self) -> float:
@@ -284,7 +290,8 @@ class PlainTwin:
         stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
         if self.hand_known:
             return stiffness
-        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp)
+        moved = self._by_hand(HOLD, values)
+        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp, moved)
         return faded
 
     def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
@@ -301,14 +308,22 @@ class PlainTwin:
 
     def _displaced(self, controls: Float[Tensor, "T H 3"], values: Values) -> Float[Tensor, "T *b H 3"]:
         """The same with each hand where it is, rather than where it was measured to be."""
-        names = self._elsewhere
-        if not names:
+        away = self._by_hand(HAND, values)
+        if away is None or self.matter.hold is None:
             return controls
-        batch = values[names[0]].shape[:-1]
-        away = torch.stack([values[name] for name in names], -1).reshape(*batch, -1, 3).to(controls)
+        away, batch = away.to(controls), away.shape[:-2]
         passed = torch.from_numpy(self.observation.times - self.observation.times[0]).to(controls)
         eased = (passed / EASED).clamp(max=1.0).reshape(-1, *[1] * (away.ndim))
-        return controls.reshape(len(controls), *[1] * len(batch), -1, 3) + eased * away[..., self.hands, :]
+        still = controls.reshape(len(controls), *[1] * len(batch), -1, 3)
+        return still + eased * away[..., self.matter.hold.hands, :]
+
+    def _by_hand(self, of: str, values: Values) -> Float[Tensor, "*b n 3"] | None:
+        """These quantities of all hands [m]; None: there are none."""
+        names = self._each_hand(of)
+        if not names:
+            return None
+        batch = values[names[0]].shape[:-1]
+        return torch.stack([values[name] for name in names], -1).reshape(*batch, -1, 3)
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""

@@ -12,7 +12,7 @@ from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import HAND, PlainTwin
+from model.gap.plain import HAND, HOLD, PlainTwin
 from model.types import Array, Observation
 
 PATIENCE = 0.15
@@ -147,6 +147,6 @@ def starts_of(misfit: Misfit, start: dict[str, float]) -> Float64[Array, "s d"]:
     begin = np.where(reach > 0, np.maximum(first - reach, low), low)
     end = np.where(reach > 0, np.minimum(first + reach, high), high)
     # stiffness that grows along the body, and hands that are elsewhere, are for the fit to find
-    even = np.array([name.startswith(("gradient", HAND)) for name in coordinates.names])
+    even = np.array([name.startswith(("gradient", HAND, HOLD)) for name in coordinates.names])
     around = np.where(even, first, begin + spread * (end - begin))
     return np.concatenate([first[None], around])

@@ -21,7 +21,7 @@ from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import HAND, PlainTwin
+from model.gap.plain import HAND, HOLD, PlainTwin
 from model.gap.prestress import Rest
 from model.gap.study import LEAST_NOISE, PATIENCE, STEPS, Study
 from model.simulator.system import State
@@ -31,7 +31,7 @@ SETTLING = 2.0
 """Patiences of the observer, in which a body comes to terms with the pose in which it is found."""
 LOOKED_AT = 0.2
 """Share of the frames, the first, that the recording's own is fitted to; those after it are foretold."""
-RECORDINGS_OWN = ("grip", "reach", "prestress", HAND)
+RECORDINGS_OWN = ("grip", "reach", "prestress", HAND, HOLD)
 """How quantities begin that are of a recording, not of the object."""
 LEAST_FRAMES = 6
 """Fewer tell nothing."""
@@ -276,7 +276,7 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         start={**found.matter.start, **own.start},
         grip_pattern=found.matter.grip_pattern,
         grip_length=found.matter.grip_length,
-        grip_distance=found.matter.grip_distance,
+        hold=found.matter.hold,
     )
     heavier = float(own.mass.sum() / found.matter.mass.sum())
     return replace(
@@ -286,5 +286,4 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         matter=matter,
         rest=Rest(twin.rest.tensions, heavier * found.rest.supports),
         controls=found.controls,
-        hands=found.hands,
     )

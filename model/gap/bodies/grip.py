@@ -72,27 +72,6 @@ def idle_hands(
     return [np.flatnonzero(hands == hand) for hand in np.setdiff1d(hands, busy)]
 
 
-def held_distance(
-    controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
-) -> Float64[Array, " H"]:
-    """How far each held point is from its hand [m], which holds the nearest one fully.
-
-    What counts is exp(-d²/2r²) over that of the nearest point, so d² less the least d² of the hand: it holds
-    something, wherever a lattice happens to have points.
-
-    Args:
-        controllers: In the first frame [m].
-        points: Held points in the first frame [m].
-        apart: As of `held_places`.
-    """
-    distance, near = cKDTree(controllers).query(points)
-    hand = hands_of(controllers, apart)[near]
-    least = np.full(int(hand.max(initial=0)) + 1, np.inf)
-    np.minimum.at(least, hand, distance)
-    farther: Float64[Array, " H"] = np.sqrt(distance**2 - least[hand] ** 2)
-    return farther
-
-
 def _holding(
     controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
 ) -> tuple[Int64[Array, " C"], Int64[Array, " H"]]:

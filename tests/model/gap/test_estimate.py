@@ -15,7 +15,7 @@ from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import STEADY, Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import HAND, PlainTwin
+from model.gap.plain import HAND, HOLD, PlainTwin
 from model.types import Observation
 
 FRAMES = 40
@@ -127,8 +127,8 @@ def test_a_step_that_leads_uphill_is_tried_shorter(steps):
 def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(followed):
     """Some steps, and until they are asked for where a fit ends; all others are looked at anew each time."""
     misfit, start = followed(stiffness=0.4)
-    hands = np.array([name.startswith(HAND) for name in misfit.coordinates.names])
-    assert hands.sum() == 3
+    hands = np.array([name.startswith((HAND, HOLD)) for name in misfit.coordinates.names])
+    assert hands.sum() == 6
     here, there = (
         misfit.coordinates.vector({**start, "stiffness": by * start["stiffness"]}) for by in (1, 0.3)
     )
@@ -151,7 +151,7 @@ def test_slopes_of_where_a_hand_is_are_kept_from_step_to_step(followed):
 def test_slopes_are_those_of_where_a_fit_ends(followed):
     misfit, start = followed(stiffness=0.4)
     found = estimate(misfit, misfit.coordinates.vector(start)[None], steps=3, shortest=FRAMES)
-    hands = np.array([name.startswith(HAND) for name in misfit.coordinates.names])
+    hands = np.array([name.startswith((HAND, HOLD)) for name in misfit.coordinates.names])
     there = misfit.of(misfit.hypothesis).jacobian(found.vector)
     np.testing.assert_allclose(found.jacobian[:, hands], there[:, hands], rtol=0.0, atol=0.03)
 

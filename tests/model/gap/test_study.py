@@ -7,7 +7,7 @@ import pytest
 
 from model.gap.estimate import FIRST_HORIZON, estimate
 from model.gap.misfit import Span
-from model.gap.plain import HAND
+from model.gap.plain import HAND, HOLD
 from model.gap.study import FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
 # a fit takes the substeps of its first worlds for all; `diagnose` is silent about it as well
@@ -89,7 +89,9 @@ def test_a_sheets_gradient_begins_even_and_its_hands_where_they_were_measured(hu
     misfit = studied(hung).misfit
     start = {name: quantity.start for name, quantity in misfit.coordinates.quantities.items()}
     starts = starts_of(misfit, start)
-    columns = [i for i, name in enumerate(misfit.coordinates.names) if name.startswith(("gradient", HAND))]
+    columns = [
+        i for i, name in enumerate(misfit.coordinates.names) if name.startswith(("gradient", HAND, HOLD))
+    ]
     assert len(columns) > 2
     assert not starts[:, columns].any()
 

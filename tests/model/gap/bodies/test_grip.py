@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.grip import held_distance, held_places, holding, idle_hands
+from model.gap.bodies.grip import held_places, holding, idle_hands
 
 APART = 0.05
 HAND = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.03, 0.0]])
@@ -64,15 +64,6 @@ def test_a_hand_that_opens_takes_what_is_near_each_finger_with_it():
     opened[1, 0] += 0.02
     found = held_places(np.stack([HAND, opened]), np.array([[0.03, 0.0, 0.0], [0.0, 0.0, 0.0]]), APART)
     np.testing.assert_allclose(found[1], opened[[1, 0]], atol=1.5e-3)
-
-
-def test_each_hand_holds_what_is_nearest_to_it_fully():
-    """However far that is; what is farther counts as by a bell about the controllers."""
-    far = np.array([1.0, 0.0, 0.0])
-    held = np.array([[0.004, 0.0, 0.0], [0.0, 0.005, 0.0], [1.0, 0.013, 0.0]])
-    found = held_distance(np.stack([np.zeros(3), far]), held, APART)
-    np.testing.assert_allclose(found, [0.0, 0.003, 0.0], atol=1e-12)
-    assert len(held_distance(HAND, np.zeros((0, 3)), APART)) == 0
 
 
 def test_each_held_point_goes_with_the_nearest_hand():
