@@ -24,7 +24,7 @@ SPARE = 1.3
 """Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
 WIDEST = 16
 """Worlds that are rolled out at once; more would only take memory."""
-STEADY: Mapping[str, int] = {HAND: 4, HOLD: 4, "residual_": 2}
+STEADY: Mapping[str, int] = {HAND: 4, HOLD: 2, "residual_": 2}
 """How quantities begin whose slopes are kept from step to step, and in how many: then, and where a fit ends,
 they are looked at anew. Where a hand is, and where it holds the body, moves that much the same, whatever
 it is made of, and there are up to twelve of them; a flexible force is nearly linear in its forty weights."""
