@@ -55,7 +55,7 @@ class World:
         return self.simulator.system
 
     @property
-    def gravity(self) -> Float[Tensor, "3"]:
+    def gravity(self) -> Float[Tensor, "*b 3"]:
         """[m/s²]; zero where no gravity acts."""
         if "gravity" not in self.simulator.forces:
             return torch.zeros(3, dtype=torch.float64)

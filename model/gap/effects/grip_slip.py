@@ -80,10 +80,11 @@ class GripSlip(Effect):
         grip = world.simulator.force("controller_spring")
         assert isinstance(grip, ControllerSpring)
         count = world.system.edges.controller_spring_count
-        share = float(mass_of(world).detach().mean()) * len(world.system.points) / count
-        share *= float(world.gravity.norm())
-        stiffness = grip.value("stiffness")
-        return world.with_force(SlippingGrip(stiffness, values["slip_rate"], values["load_limit"] * share))
+        mass, gravity = mass_of(world).detach().double(), world.gravity.double()
+        # of each of many worlds its own: another effect may have given them other masses, or a tilted gravity
+        weight = mass.sum(-1, keepdim=mass.ndim > 1) * gravity.norm(dim=-1, keepdim=gravity.ndim > 1)
+        holding = values["load_limit"] * weight / count
+        return world.with_force(SlippingGrip(grip.value("stiffness"), values["slip_rate"], holding))
 
     def strength(self, world: World, values: Values, where: Field | None = None) -> Field:
         """The points that are held, each by how firmly: a hand fades out over a few of them."""

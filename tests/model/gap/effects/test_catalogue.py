@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-from model.gap.effects import ALL_EFFECTS, Anisotropy, StrainStiffening
+from model.gap.effects import (
+    ALL_EFFECTS,
+    Anisotropy,
+    GravityTilt,
+    GripSlip,
+    MassHeterogeneity,
+    StrainStiffening,
+)
 from model.gap.effects.base import Effect
 from model.schema import EffectName
 from model.simulator.build import build_simulator
@@ -144,6 +151,26 @@ def test_many_values_at_once_are_as_one_by_one(kind, block):
         for i, values in enumerate((first, second)):
             alone = effect.apply(block, values).rollout(last=6, substeps=60).points
             torch.testing.assert_close(together[:, i], alone, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("beneath", [GravityTilt, MassHeterogeneity], ids=lambda kind: kind.name)
+def test_a_grip_bears_the_weight_of_its_own_world(beneath, block):
+    """Not of all that are rolled out beside it, where another effect gives each another weight."""
+    values = {**start(beneath()), **start(GripSlip())}
+    many = {name: value.detach() * torch.tensor([[1.0], [2.0], [4.0]]) for name, value in values.items()}
+    together = _slips(beneath, block, many).expand(3, 1)
+    for i in range(3):
+        alone = _slips(beneath, block, {name: value[i, 0] for name, value in many.items()})
+        torch.testing.assert_close(together[i, 0], alone)
+
+
+def _slips(beneath, block, values):
+    """Load [N] from which a grip slips, with another effect beneath it."""
+    own = {name: values[name] for name in beneath.quantities}
+    world = GripSlip().apply(
+        beneath().apply(block, own), {name: values[name] for name in GripSlip.quantities}
+    )
+    return world.simulator.force("grip_slip").value("holding_force")
 
 
 @every_effect
