@@ -34,10 +34,12 @@ def let_go(observation: Observation) -> int:
     times = observation.times
     limit = NOISY * noise_of(observation)
     away = _farthest(observation.points.astype(np.float64))
-    moving = np.flatnonzero(away > limit)
-    last = int(moving[0]) - 1 if len(moving) else 0
-    end = int(np.searchsorted(times, times[last] + AFTER, side="right"))
-    if last < 1 or times[last] - times[0] < HELD or end - last <= FEWEST or end >= len(times):
+    # one of many points in many frames is noisier than that now and then: what moves stays away
+    gone = np.lib.stride_tricks.sliding_window_view(away > limit, min(FEWEST, len(away))).all(1)
+    last = int(gone.argmax()) - 1
+    # however far apart frames are: at 25 a second, or at 29.97, no three follow within that time
+    end = max(int(np.searchsorted(times, times[last] + AFTER, side="right")), last + FEWEST + 1)
+    if last < 1 or times[last] - times[0] < HELD or end >= len(times):
         return 0
     hand = _farthest(observation.controllers.astype(np.float64))[:end].max()
     if hand > max(limit, MOVED * float(away[:end].max())):

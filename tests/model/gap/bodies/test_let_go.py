@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from model.gap.bodies.let_go import after_let_go, let_go
+from model.types import Observation
 
 
 def noisy(seen, noise=1e-5):
@@ -88,3 +89,27 @@ def test_a_fall_is_told_through_noise(cantilever):
     points[..., 2] -= 0.5 * 9.81 * np.maximum(seen.times - 0.5, 0.0).astype(np.float32)[:, None] ** 2
     dropped = noisy(replace(seen, points=points, controllers=seen.controllers[:, :0]), 0.003)
     assert abs(dropped.times[let_go(dropped)] - 0.5) <= 0.1
+
+
+@pytest.mark.parametrize("rate", [15.0, 25.0, 30000 / 1001, 30.0, 60.0])
+def test_a_fall_is_told_at_any_rate_of_frames(rate):
+    """However many frames are in the time that is looked at, and however that is rounded."""
+    times = np.arange(round(2.0 * rate)) / rate
+    for frame in range(round(0.5 * rate), round(0.9 * rate)):
+        assert let_go(_dropped(1, times, times[frame], 1e-5)) == frame
+
+
+def test_a_fall_is_told_of_many_noisy_points():
+    """One of them is always farther from its first place than one of a few would be."""
+    dropped = _dropped(200, np.arange(60) / 30.0, 0.9, 0.001)
+    assert abs(dropped.times[let_go(dropped)] - 0.9) <= 0.07
+
+
+def _dropped(count, times, held, noise):
+    rng = np.random.default_rng(0)
+    points = np.repeat(rng.uniform(-0.1, 0.1, (1, count, 3)), len(times), 0)
+    points[..., 2] -= 0.5 * 9.81 * np.maximum(times - held, 0.0)[:, None] ** 2
+    points += rng.normal(0, noise, points.shape)
+    return Observation(
+        times=times, points=points.astype(np.float32), controllers=np.zeros((len(times), 0, 3), np.float32)
+    )
