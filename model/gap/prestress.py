@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.optimize import lsq_linear
+from scipy.optimize import nnls
 from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
 from scipy.sparse.linalg import lsqr
 
@@ -14,8 +14,8 @@ RELUCTANCE = 0.02
 """How strongly small tensions are preferred, against an exact balance."""
 FIRMER = 5.0
 """A hand or the ground gives way by so much less than a spring."""
-ROUNDS = 60
-"""At most, for tensions that may not be below zero."""
+ROUNDS = 10
+"""For each spring, at most, until tensions are found that may not be below zero."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +73,23 @@ def resting(
 
 
 def _pulling(balance: csr_matrix, load: Float64[Array, " m"], springs: int) -> Float64[Array, " n"]:
-    """The same with springs, which come first, that only pull."""
+    """The same with springs, which come first, that only pull.
+
+    Exactly so, by an active set: methods from the inside end somewhere near, by rounding, with tensions that
+    nothing asks for.
+
+    Reference:
+        Lawson and Hanson (1974), Solving least squares problems, chapter 23 (non-negative least squares).
+    """
     unit = max(float(np.abs(load).max()), 1e-12)
     count = balance.shape[1]
-    reluctant = vstack([balance, RELUCTANCE * identity(count)]).tocsr()
-    lowest = np.where(np.arange(count) < springs, 0.0, -np.inf)
+    reluctant = vstack([balance, RELUCTANCE * identity(count)]).toarray()
     wanted = np.concatenate([load / unit, np.zeros(count)])
-    found = lsq_linear(reluctant, wanted, (lowest, np.inf), lsq_solver="lsmr", tol=1e-6, max_iter=ROUNDS)
-    solution: Float64[Array, " n"] = found.x * unit
+    pulling, bearing = reluctant[:, :springs], reluctant[:, springs:]
+    # what bears does its best whatever springs do: they are left what it cannot
+    borne = np.linalg.qr(bearing)[0]
+    left = (each - borne @ (borne.T @ each) for each in (pulling, wanted))
+    tensions = nnls(*left, maxiter=ROUNDS * springs)[0]
+    supports = np.linalg.lstsq(bearing, wanted - pulling @ tensions, rcond=None)[0]
+    solution: Float64[Array, " n"] = np.concatenate([tensions, supports]) * unit
     return solution

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.gap.prestress import resting
+from model.gap.prestress import RELUCTANCE, resting
 
 
 def test_a_hanging_chain_bears_what_is_below():
@@ -40,3 +40,32 @@ def test_the_firmer_of_two_hands_bears_more():
         points + np.array([[0, 0, 0.1], [0, 0, 0], [0, 0, 0.1]]), springs, weights, np.array([1.0, 0.0, 0.3])
     )
     assert rest.supports[0, 2] > rest.supports[2, 2] > 0.0
+
+
+def test_springs_that_only_pull_do_no_more_than_is_asked_for():
+    """However far away and in whatever order points are; that is so where no tension could be better."""
+    rng = np.random.default_rng(1)
+    u, v = np.meshgrid(np.linspace(0.0, 0.3, 9), np.linspace(0.0, 0.2, 7))
+    sheet = np.stack([u.ravel(), 0.02 * np.sin(20.0 * u.ravel()), -v.ravel()], -1)
+    sheet += rng.normal(0.0, 1e-3, sheet.shape)
+    apart = np.linalg.norm(sheet[:, None] - sheet, axis=-1)
+    springs = np.argwhere(np.triu(apart < 0.06, 1))
+    weights = np.tile([0.0, 0.0, -0.03], (len(sheet), 1))
+    held = np.where(np.arange(len(sheet)) % 9 == 0, 1.0, 0.0)
+    found = resting(sheet, springs, weights, held, presses=False)
+    far = resting(sheet + np.array([3.0, -2.0, 7.0]), springs, weights, held, presses=False)
+    order = rng.permutation(len(springs))
+    other = resting(sheet, springs[order], weights, held, presses=False)
+    np.testing.assert_allclose(far.tensions, found.tensions, atol=1e-9)
+    np.testing.assert_allclose(other.tensions, found.tensions[order], atol=1e-9)
+    force = weights + found.supports
+    way = sheet[springs[:, 1]] - sheet[springs[:, 0]]
+    axis = way / np.linalg.norm(way, axis=1, keepdims=True)
+    np.add.at(force, springs[:, 0], found.tensions[:, None] * axis)
+    np.add.at(force, springs[:, 1], -found.tensions[:, None] * axis)
+    gained = ((force[springs[:, 1]] - force[springs[:, 0]]) * axis).sum(1)
+    wanted = gained - RELUCTANCE**2 * found.tensions
+    assert (found.tensions >= 0.0).all()
+    assert (found.tensions > 0.0).any()
+    assert wanted.max() < 1e-9
+    np.testing.assert_allclose(wanted[found.tensions > 0.0], 0.0, atol=1e-9)
