@@ -15,6 +15,7 @@ from model.formats.parameters import gravity, ground_height, scalar
 from model.gap.bodies.body import Body, grip_of
 from model.gap.bodies.guess import guess_shape
 from model.gap.bodies.rest import rest_places
+from model.gap.by_graph import by_graph
 from model.gap.graph import Graph
 from model.gap.plain import Matter, PlainTwin
 from model.gap.registration import onto_twin
@@ -61,7 +62,11 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
             stacklevel=2,
         )
     _compare_places(bundle, observation)
-    carried = tuple(thinned(record, became, len(graph.points)) for record in bundle.effects)
+    carried = bundle.effects
+    if graph is not fine:
+        carried = tuple(
+            by_graph(thinned(record, became, len(graph.points)), fine, graph) for record in bundle.effects
+        )
     body = _body(graph, fine, observation)
     if _same_hand(graph, observation):
         matter = _held(_matter(graph, bundle, Matter.guessed(body, observation)), graph)

@@ -16,6 +16,7 @@ from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.parameters import UNITS, encode_parameters
 from model.gap.bodies.first import first_places
+from model.gap.by_graph import by_graph
 from model.gap.carried import CATALOGUE, record_of, values_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.bending_stiffness import BendingStiffness
@@ -35,7 +36,6 @@ from model.schema import (
     content_id,
     write_json,
 )
-from model.simulator.structure import rows, spans
 from model.timing import evenly_timed
 from model.types import Array, Gaussians, Observation, Parameter, Parameters, Topology
 from model.version import __version__
@@ -100,8 +100,9 @@ def with_findings(
         warnings.simplefilter("ignore", UserWarning)  # `given_twin` has told them to whoever diagnosed
         coarse = given_twin(bundle, observation, most)
         fine = given_twin(bundle, observation, len(bundle.topology.points))
-    _, became = Graph.of(bundle).within(most)
-    found = tuple(_finer(_spread(record, became), coarse, fine) for record in diagnosis.effects)
+    whole = Graph.of(bundle)
+    merged, became = whole.within(most)
+    found = tuple(by_graph(_spread(record, became), merged, whole) for record in diagnosis.effects)
     # what was found was fitted on top of a carried effect of its kind, or instead of it
     changed = {record.name for record in found if not CATALOGUE[record.name].stacks}
     kept = tuple(record for record in bundle.effects if record.name not in changed)
@@ -191,41 +192,6 @@ def _spread(record: EffectRecord, became: Int64[Array, " P"]) -> EffectRecord:
     if record.acts_on is None:
         return record
     return record.model_copy(update={"acts_on": tuple(record.acts_on[i] for i in became)})
-
-
-def _finer(record: EffectRecord, coarse: PlainTwin, fine: PlainTwin) -> EffectRecord:
-    """An effect of a coarser twin, its law's numbers that go by the graph as those of the finer one.
-
-    A distance in spacings is as long as before, and rows of points resist bending as much in sum: with B κ²/s
-    of each, a bend that all share costs B times the length of all rows.
-    """
-    factors = {
-        ("self_collision", "distance"): _spacing(coarse) / _spacing(fine),
-        ("bending_stiffness", "bending_stiffness"): _in_rows(coarse) / max(_in_rows(fine), 1e-12),
-    }
-    parameters = dict(record.parameters)
-    for (effect, name), factor in factors.items():
-        told = parameters.get(name)
-        if effect != record.name or not isinstance(told, dict):
-            continue
-        low, high = CATALOGUE[effect].quantities[name].bounds
-        scaled = {
-            key: np.clip(factor * np.asarray(told[key]), low, high).tolist() for key in told if key != "unit"
-        }
-        parameters[name] = {**told, **scaled}
-    return record.model_copy(update={"parameters": parameters})
-
-
-def _spacing(plain: PlainTwin) -> float:
-    """Median length of the springs [m]."""
-    ends = plain.body.points[plain.body.springs]
-    return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-
-
-def _in_rows(plain: PlainTwin) -> float:
-    """Length of all rows of points together [m]."""
-    triples = rows(plain.body.points, plain.body.springs)
-    return float(spans(plain.body.points, triples).sum())
 
 
 def _signed(manifest: BundleManifest, origin: str, twin: TwinBundle) -> BundleManifest:

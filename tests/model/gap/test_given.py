@@ -7,11 +7,15 @@ import torch
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.gap.bodies.body import body_of
+from model.gap.by_graph import by_graph
 from model.gap.carried import record_of
-from model.gap.effects import QuadraticAirDrag
+from model.gap.effects import BendingStiffness, QuadraticAirDrag
 from model.gap.given import bound, given_twin
+from model.gap.graph import Graph
 from model.gap.hypothesis import Hypothesis
 from model.gap.plain import PlainTwin
+from model.schema import EffectRecord
+from model.simulator.structure import rows, spans
 from model.types import Observation, Parameter
 
 
@@ -67,6 +71,24 @@ def test_a_finer_twin_is_made_coarser(twin):
     assert sum(plain.carried[0].acts_on) > 0
     moved = np.abs(observation.points - observation.points[0]).max()
     assert np.abs(at_start(plain) - observation.points).mean() < 0.3 * moved
+
+
+def test_what_goes_by_the_graph_is_carried_as_the_coarser_one_has_it(twin):
+    """As long a distance, as much bending in sum; bare numbers too, and what is absent stays absent."""
+    bending = record_of(BendingStiffness, {"bending_stiffness": 1e-4, "memory_of_shape": 0.5})
+    contact = EffectRecord(name="self_collision", parameters={"distance": 0.6, "friction": 0.3})
+    none = EffectRecord(name="self_collision", parameters={"distance": 0.0, "friction": 0.3})
+    fine, (graph, _) = Graph.of(twin), Graph.of(twin).within(20)
+    both = replace(twin, effects=(bending, contact))
+    with pytest.warns(UserWarning, match="merged"):
+        stiff, near = given_twin(both, filmed(twin), 20).carried
+    sums = [spans(one.points, rows(one.points, one.springs)).sum() for one in (fine, graph)]
+    assert sums[0] / sums[1] != pytest.approx(1.0, abs=0.01)
+    assert stiff.parameters["bending_stiffness"]["value"] == pytest.approx(1e-4 * sums[0] / sums[1])
+    assert stiff.parameters["memory_of_shape"] == bending.parameters["memory_of_shape"]
+    assert near.parameters["distance"] * graph.spacing == pytest.approx(0.6 * fine.spacing)
+    assert by_graph(none, fine, graph) == none
+    assert given_twin(both, filmed(twin)).carried == both.effects
 
 
 def test_another_hand_holds_what_is_near_it(twin):
