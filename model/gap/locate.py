@@ -86,9 +86,8 @@ def _innovations(study: Study, left: Estimate) -> tuple[Float64[Array, "F N 3"],
     except SimulationDiverged:
         lost = "the fitted twin becomes unstable: the gap is located in the frames it was fitted to only"
         return study.residuals(left), lost
-    error = (observer.places - predicted).double().numpy()
-    error = observer.lost * np.tanh(error / observer.lost) * observer.seen.numpy()[..., None]
-    return error / study.misfit.noise, ""
+    error = observer.bounded((observer.places - predicted).double()).numpy()
+    return error * observer.seen.numpy()[..., None] / study.misfit.noise, ""
 
 
 def _shares(energy: Float64[Array, "T N"], counted: Array, axis: int) -> Float64[Array, " k"]:

@@ -210,9 +210,7 @@ class Misfit(Residuals):
             return self._lost(vectors)
         predicted = led.predicted if len(vectors) > 1 else led.predicted.unsqueeze(1)
         error = (predicted - self._places.unsqueeze(1)).movedim(1, 0)[:, self._seen]
-        # of the whole vector: no coordinate is the same in a turned world
-        far = error.norm(dim=-1, keepdim=True) / self.observer.lost
-        bounded = error * (torch.tanh(far) / far.clamp_min(1e-9))
+        bounded = self.observer.bounded(error)
         rows: Float64[Array, "b m"] = bounded.reshape(len(vectors), -1).double().numpy() / self.noise
         return rows
 

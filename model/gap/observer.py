@@ -63,6 +63,15 @@ class Observer:
         other.patience = patience
         return other
 
+    def bounded(self, error: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
+        """Errors [m] the same way, each as a whole no longer than `lost`.
+
+        Not coordinate by coordinate, none of which is the same in a turned world.
+        """
+        far = error.norm(dim=-1, keepdim=True) / self.lost
+        bounded: Tensor = error * (torch.tanh(far) / far.clamp_min(1e-9))
+        return bounded
+
     def lead(
         self,
         world: World,

@@ -1,5 +1,6 @@
 """The gap is found where it was put, and nowhere where there is none."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ import torch
 
 from model.gap.bodies.body import body_of
 from model.gap.effects import StrainStiffening, Viscoelasticity
-from model.gap.locate import locate
+from model.gap.locate import _innovations, locate
 from model.gap.plain import PlainTwin
 from model.gap.schema import Where
 
@@ -77,6 +78,17 @@ def test_frames_that_no_fit_sees_count(hung, studied):
     found = locate(replace(study, observation=late), study.base)
     assert found.frames[32:].sum() > 0.9
     assert found.phases[-1].share > 0.5
+
+
+def test_what_is_lost_is_as_far_off_whichever_way_it_is(hung, studied):
+    """Along an axis or between all three: else shares would change as the world is turned."""
+    study = studied(hung)
+    for way in np.array([[1.0, 0.0, 0.0], [0.6, -0.8, 0.0], [1.0, 1.0, 1.0]]):
+        observer = copy(study.observer)
+        observer.places = observer.places + 10.0 * torch.from_numpy(way).to(observer.places)
+        found = _innovations(replace(study, observer=observer), study.base)[0]
+        lengths = np.linalg.norm(found[1], axis=-1)[study.seen[1]]
+        np.testing.assert_allclose(lengths, study.observer.lost / study.misfit.noise, rtol=1e-3)
 
 
 def test_turned_about_and_shuffled_it_is_the_same(hung, studied, study_of):
