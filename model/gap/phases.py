@@ -101,6 +101,10 @@ class _Motion:
     observation: Observation
     points: Float64[Array, "T N 3"]
     """[m], between frames in which a point is seen on a line; only points that are ever seen."""
+    known: Bool[Array, "T N"]
+    """Where they are not made up: not before a point is first seen, nor after it is last seen."""
+    places: Float64[Array, "N 3"]
+    """In the first frame [m], of those that are not seen there by their neighbours."""
     hands: Float64[Array, "T C 3"]
     spacing: float
     noise: float
@@ -114,7 +118,8 @@ class _Motion:
         places = first_places(observation)[ever]
         spacing = usual_distance(places) if len(places) > 1 else 0.0
         hands = _smooth(observation.controllers.astype(np.float64), times)
-        return cls(observation, _smooth(filled, times), hands, spacing, noise_of(observation))
+        known = _known(np.isfinite(points[:, ever, 0]), _half(times) + 1)
+        return cls(observation, _smooth(filled, times), known, places, hands, spacing, noise_of(observation))
 
     @property
     def times(self) -> Float64[Array, " T"]:
@@ -145,10 +150,12 @@ class _Motion:
         count = min(PAIRS + 1, self.points.shape[1])
         if count < 2:
             return np.zeros(len(self.times))
-        near = cKDTree(self.points[0]).query(self.points[0], k=count)[1][:, 1:]
+        near = cKDTree(self.places).query(self.places, k=count)[1][:, 1:]
         length = np.linalg.norm(self.points[:, near] - self.points[:, :, None], axis=-1)
-        longer = np.log(np.maximum(length, 1e-9) / np.maximum(length[0], 1e-9)).mean((1, 2))
-        return _rate(longer[:, None, None], self.times)[:, 0, 0]
+        rate = _rate(np.log(np.maximum(length, 1e-9)), self.times)
+        both = self.known[:, near] & self.known[:, :, None]
+        mean: Float64[Array, " T"] = (rate * both).sum((1, 2)) / np.maximum(both.sum((1, 2)), 1)
+        return mean
 
     def touching(self) -> Bool[Array, " T"]:
         """Whether some point is on the ground."""
@@ -156,14 +163,19 @@ class _Motion:
         if ground is None:
             return np.zeros(len(self.times), bool)
         margin = max(3.0 * self.noise, 0.25 * self.spacing)
-        low: Float64[Array, " T"] = np.percentile(self.points[..., 2], 2, axis=1)
+        low: Float64[Array, " T"] = np.nanpercentile(self._told(self.points[..., 2]), 2, axis=1)
         return low < ground + margin
 
     def still(self) -> Bool[Array, " T"]:
         """Whether most points lie still."""
         speed = np.linalg.norm(_rate(self.points, self.times), axis=-1)
-        slow: Bool[Array, " T"] = np.median(speed, axis=-1) < REST
+        slow: Bool[Array, " T"] = np.nanmedian(self._told(speed), axis=-1) < REST
         return slow
+
+    def _told(self, values: Float64[Array, "T N"]) -> Float64[Array, "T N"]:
+        """Values of points; NaN where these are made up, but for frames in which all are."""
+        told: Float64[Array, "T N"] = np.where(self.known | ~self.known.any(1, keepdims=True), values, np.nan)
+        return told
 
 
 def _filled(track: Float64[Array, "T 3"], times: Float64[Array, " T"]) -> Float64[Array, "T 3"]:
@@ -171,9 +183,23 @@ def _filled(track: Float64[Array, "T 3"], times: Float64[Array, " T"]) -> Float6
     return np.stack([np.interp(times, times[seen], track[seen, k]) for k in range(3)], -1)
 
 
+def _known(seen: Bool[Array, "T N"], edge: int) -> Bool[Array, "T N"]:
+    """From when each point is first seen until it is last seen, less an edge that means over time blur."""
+    frame, last = np.arange(len(seen))[:, None], len(seen) - 1
+    begin, end = seen.argmax(0), last - seen[::-1].argmax(0)
+    begin, end = np.where(begin > 0, begin + edge, 0), np.where(end < last, end - edge, last)
+    known: Bool[Array, "T N"] = (frame >= begin) & (frame <= end)
+    return known
+
+
+def _half(times: Float64[Array, " T"]) -> int:
+    """Frames on either side of one that a mean over time reaches to."""
+    return int(0.5 * SMOOTH / max(float(np.median(np.diff(times))), 1e-9)) if len(times) > 1 else 0
+
+
 def _smooth(values: Float64[Array, "T n 3"], times: Float64[Array, " T"]) -> Float64[Array, "T n 3"]:
     """Means over a window in time, which is smaller at both ends so that it stays centred."""
-    half = int(0.5 * SMOOTH / max(float(np.median(np.diff(times))), 1e-9)) if len(times) > 1 else 0
+    half = _half(times)
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), values.cumsum(0)])
     frame = np.arange(len(values))
     reach = np.minimum(half, np.minimum(frame, frame[::-1]))

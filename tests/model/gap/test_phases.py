@@ -102,3 +102,17 @@ def test_without_hand_and_ground_it_is_free():
     assert [phase.name for phase in phases(alone)] == ["free"]
     two = replace(alone, times=alone.times[:2], points=alone.points[:2], controllers=alone.controllers[:2])
     assert [(phase.first, phase.end) for phase in phases(two)] == [(0, 2)]
+
+
+@pytest.mark.parametrize("frames", [slice(12, None), slice(None, 45)], ids=["to the end", "at first"])
+def test_points_that_are_hidden_for_long_do_not_disturb(frames):
+    """A cube is lifted: where a few of its points were last seen, or first, it neither stays nor is torn."""
+    height = np.interp(np.arange(75) / FPS, [0.5, 1.8], [0.0, 0.4])
+    whole = moved(height, noise=5e-4)
+    points = whole.points.copy()
+    points[frames, 4::16] = np.nan  # of its lowest layer
+    found, expected = phases(replace(whole, points=points)), phases(whole)
+    assert [phase.name for phase in expected] == ["held still, touching the ground", "lifted", "held still"]
+    assert [phase.name for phase in found] == [phase.name for phase in expected]
+    for one, other in zip(found, expected, strict=True):
+        assert abs(one.start_s - other.start_s) <= 0.07
