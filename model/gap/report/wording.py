@@ -49,13 +49,18 @@ def percent(share: float) -> str:
         return "< 1 %"
     if 0.995 < share < 1:
         return "> 99 %"
-    return f"{100 * share:.0f} %".replace("-", "−")
+    return f"{_hundredths(share)} %"
 
 
 def percent_range(interval: tuple[float, float]) -> str:
     """`81–88 %`, of an interval of shares."""
-    low, high = (f"{100 * end:.0f}".replace("-", "−") for end in interval)
-    return f"{low} to {high} %" if interval[0] < 0 else f"{low}–{high} %"
+    low, high = (_hundredths(end) for end in interval)
+    return f"{low} to {high} %" if low.startswith("−") else f"{low}–{high} %"
+
+
+def _hundredths(share: float) -> str:
+    """A whole number; zero has no sign."""
+    return f"{round(100 * share)}".replace("-", "−")
 
 
 def quantity(value: float, unit: str) -> str:
@@ -87,6 +92,11 @@ def added(report: GapReport) -> str | None:
         return None
     names = [report.verdict.effect, report.verdict.second]
     return listed(plain(name) for name in names if name is not None)
+
+
+def verb(report: GapReport, one: str, several: str) -> str:
+    """The form of a verb that goes with what the verdict adds to the twin."""
+    return one if report.verdict.second is None else several
 
 
 def with_effect(report: GapReport) -> str:

@@ -39,7 +39,15 @@ def test_distances_are_in_millimetres(metres, text):
 
 @pytest.mark.parametrize(
     ("share", "text"),
-    [(0.853, "85 %"), (0.004, "< 1 %"), (0.9991, "> 99 %"), (0.0, "0 %"), (1.0, "100 %"), (-0.2, "−20 %")],
+    [
+        (0.853, "85 %"),
+        (0.004, "< 1 %"),
+        (0.9991, "> 99 %"),
+        (0.0, "0 %"),
+        (1.0, "100 %"),
+        (-0.2, "−20 %"),
+        (-0.0007, "0 %"),
+    ],
 )
 def test_what_is_neither_nothing_nor_all_is_not_shown_as_such(share, text):
     assert percent(share) == text
@@ -48,6 +56,7 @@ def test_what_is_neither_nothing_nor_all_is_not_shown_as_such(share, text):
 def test_ranges():
     assert percent_range((0.81, 0.88)) == "81–88 %"
     assert percent_range((-0.1, 0.3)) == "−10 to 30 %"
+    assert percent_range((-0.001, 0.3)) == "0–30 %"
 
 
 def test_words():
