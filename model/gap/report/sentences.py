@@ -1,6 +1,17 @@
 """Where, when and from what source the gap comes, in plain sentences with the numbers first."""
 
-from model.gap.report.wording import LIKELY, added, certainty, companions, listed, millimetres, percent, plain
+from model.gap.report.statement import may_hide
+from model.gap.report.wording import (
+    LIKELY,
+    added,
+    certainty,
+    companions,
+    listed,
+    millimetres,
+    percent,
+    plain,
+    verb,
+)
 from model.gap.schema import SOURCE_NAMES, GapReport
 
 MEANINGS = {
@@ -28,7 +39,8 @@ def title(report: GapReport) -> str:
     """The verdict in a few words."""
     sure = certainty(report) >= LIKELY
     if report.verdict.effect == "none":
-        return "Nothing is missing" if sure else "Likeliest: nothing is missing"
+        found = "no missing effect stands out" if may_hide(report) else "nothing is missing"
+        return f"{found[0].upper()}{found[1:]}" if sure else f"Likeliest: {found}"
     if report.verdict.effect == "unknown":
         return "Something unknown is missing" if sure else "Likeliest: something unknown is missing"
     names = [plain(report.verdict.effect), *(plain(name) for name in companions(report))]
@@ -39,6 +51,11 @@ def title(report: GapReport) -> str:
 def _tuning(report: GapReport) -> str:
     gap = report.gap
     saved = 1.0 - gap.refit / gap.baseline if gap.baseline > 0 else 0.0
+    if saved <= -0.02:
+        return (
+            "Refitting the twin's own parameters makes the error on held-out time larger"
+            f" ({millimetres(gap.baseline)} to {millimetres(gap.refit)})."
+        )
     if saved < 0.02:
         return f"Refitting the twin's own parameters does not help: {millimetres(gap.refit)} remain."
     return (
@@ -75,9 +92,10 @@ def _acting(report: GapReport) -> str:
     if name is None or not any(acts):
         return ""
     strong = sum(value >= 0.5 for value in acts) / len(acts)
+    acting = f"{name.capitalize()} {verb(report, 'acts', 'act')}"
     if strong >= EVERYWHERE:
-        return f"{name.capitalize()} acts on the whole object."
-    return f"{name.capitalize()} acts mainly on {percent(strong)} of the points."
+        return f"{acting} on the whole object."
+    return f"{acting} mainly on {percent(strong)} of the points."
 
 
 def _source(report: GapReport) -> str:

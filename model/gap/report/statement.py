@@ -10,6 +10,7 @@ from model.gap.report.wording import (
     percent,
     percent_range,
     plain,
+    verb,
 )
 from model.gap.schema import GapReport
 
@@ -36,23 +37,28 @@ def stated(report: GapReport) -> GapReport:
     return report.model_copy(update={"verdict": verdict})
 
 
+def may_hide(report: GapReport) -> bool:
+    """Whether the twin is off by so much that it may lack something that does not stand out."""
+    return report.gap.refit > UNSEEN * report.gap.noise_floor
+
+
 def _cause(report: GapReport) -> str:
     name, sure = added(report), percent(report.verdict.probability)
     alike = companions(report)
     if not alike:
-        verb = "are" if report.verdict.second is not None else "is"
+        subject = f"{str(name).capitalize()} {verb(report, 'is', 'are')}"
         if report.verdict.probability < LIKELY:
-            return f"{str(name).capitalize()} {verb} the likeliest thing that the twin lacks ({sure} sure)"
-        return f"{str(name).capitalize()} {verb} missing in the twin ({sure} sure)"
+            return f"{subject} the likeliest thing that the twin lacks ({sure} sure)"
+        return f"{subject} missing in the twin ({sure} sure)"
     names = listed((plain(report.verdict.effect), *map(plain, alike)), "or")
     chance = certainty(report)
     together = percent(min(1.0, chance))
     beside = "" if report.verdict.second is None else f", beside {plain(report.verdict.second)}"
-    verb = "is missing in the twin"
+    lack = "is missing in the twin"
     if chance < LIKELY:
-        verb = "is the likeliest thing that the twin lacks"
+        lack = "is the likeliest thing that the twin lacks"
     return (
-        f"{names.capitalize()} {verb} ({together} sure){beside}; this recording cannot tell"
+        f"{names.capitalize()} {lack} ({together} sure){beside}; this recording cannot tell"
         f" them apart, {plain(report.verdict.effect)} is the likeliest ({sure})"
     )
 
@@ -98,7 +104,7 @@ def _nothing(report: GapReport) -> str:
         if gap.baseline > TUNED * gap.refit
         else ""
     )
-    if gap.refit > UNSEEN * gap.noise_floor:
+    if may_hide(report):
         return (
             f"No missing effect stands out in this recording ({percent(report.verdict.probability)} sure"
             f" that none is at work): {tuned}the twin is off by {millimetres(gap.refit)} on held-out time,"
