@@ -94,6 +94,11 @@ def added(report: GapReport) -> str | None:
     return listed(plain(name) for name in names if name is not None)
 
 
+def stacked(name: str) -> str:
+    """Two effects below each other: beside each other they are wider than a figure has room for."""
+    return name.replace(" and ", "\nand ")
+
+
 def verb(report: GapReport, one: str, several: str) -> str:
     """The form of a verb that goes with what the verdict adds to the twin."""
     return one if report.verdict.second is None else several

@@ -20,7 +20,7 @@ from model.gap.report.style import (
     new_figure,
     tidy,
 )
-from model.gap.report.wording import REFITTED, millimetres, percent, percent_range, with_effect
+from model.gap.report.wording import REFITTED, millimetres, percent, percent_range, stacked, with_effect
 from model.gap.schema import Closure, GapReport
 
 ROUNDS = 8
@@ -98,7 +98,7 @@ def _panel(
         if key == "with_effect" and closure.closed_fraction is not None:
             text.set_text(f"{millimetres(value)}   {_closed(closure)}")
             text.set_fontweight("bold")
-    axes.set_yticks(range(len(bars)), [name for _, name, _, _ in bars], fontsize=NORMAL)
+    axes.set_yticks(range(len(bars)), [stacked(name) for _, name, _, _ in bars], fontsize=NORMAL)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(bars) - 0.5, -0.5)
     axes.set_xlim(0.0, max(1.18 * reach, axes.get_xlim()[1]))

@@ -12,7 +12,7 @@ from matplotlib.transforms import blended_transform_factory
 
 from model.gap.report.findings import Findings
 from model.gap.report.style import BAND, BASELINE, EFFECT, FLOOR, INK, REFIT, SMALL, new_figure, tidy
-from model.gap.report.wording import REFITTED, percent, plain, with_effect
+from model.gap.report.wording import REFITTED, percent, plain, stacked, with_effect
 from model.types import Array
 
 MARGIN = 1.5
@@ -36,7 +36,7 @@ def draw(findings: Findings) -> Figure:
     if findings.error_after is not None:
         lines.append((with_effect(report), findings.error_after, EFFECT))
     for name, error, colour in lines:
-        axes.plot(times, 1e3 * error, color=colour, linewidth=1.8, label=name, zorder=3)
+        axes.plot(times, 1e3 * error, color=colour, linewidth=1.8, label=stacked(name), zorder=3)
     axes.axhline(
         1e3 * report.gap.noise_floor,
         color=FLOOR,

@@ -22,7 +22,7 @@ from model.gap.report.views import (
     spread_out,
     two_views,
 )
-from model.gap.report.wording import REFITTED, millimetres, with_effect
+from model.gap.report.wording import REFITTED, millimetres, stacked, with_effect
 from model.types import Array
 
 MOMENTS = 4
@@ -63,12 +63,19 @@ def draw(findings: Findings) -> Figure:
             bare(axes, _centre(findings, view, frame), half, foot)
             if alone or axes is panels[0]:
                 axes.set_ylabel(
-                    _label(findings, frame), fontsize=NORMAL, color=INK, rotation=0, labelpad=26, va="center"
+                    _label(findings, frame),
+                    fontsize=NORMAL,
+                    color=INK,
+                    rotation=0,
+                    labelpad=4,
+                    va="center",
+                    ha="right",  # a long time makes the picture narrower instead of lying on it
+                    multialignment="center",
                 )
         for axes in panels[len(cells) :]:
             axes.set_axis_off()
     for axes, twin in zip(grid[0], twins, strict=False):
-        axes.set_title(twin.name, fontsize=LARGE, color=twin.colour, fontweight="bold", pad=18)
+        axes.set_title(stacked(twin.name), fontsize=LARGE, color=twin.colour, fontweight="bold", pad=18)
     scale_bar(grid[-1][0])
     figure.legend(handles=_key(), loc="outside lower right", ncols=2, frameon=False, fontsize=SMALL)
     return figure

@@ -68,6 +68,28 @@ def alike(findings):
 
 
 @pytest.fixture
+def late(alike):
+    """The same, in seconds since 1970."""
+    begin, content = 1.7e9, as_json(alike.report)
+    content["gap"]["heldout"] = [[begin + time for time in span] for span in content["gap"]["heldout"]]
+    for phase in content["where"]["phases"]:
+        phase |= {key: begin + phase[key] for key in ("start_s", "end_s")}
+    return replace(alike, report=parse(content), times=begin + alike.times)
+
+
+@pytest.fixture
+def pair(alike):
+    """Two effects with the longest names."""
+    content = as_json(alike.report)
+    names = {"wind": "mass_heterogeneity", "gravity_tilt": "volume_preservation"}
+    names |= {other: name for name, other in names.items()}
+    for effect in content["effects"]:
+        effect |= {"name": names.get(effect["name"], effect["name"]), "confused_with": []}
+    content["verdict"] |= {"effect": "mass_heterogeneity", "second": "volume_preservation"}
+    return replace(alike, report=parse(content))
+
+
+@pytest.fixture
 def nothing(findings, cloth):
     """A healthy twin."""
     noise = np.random.default_rng(SEED + 1).normal(0.0, 1e-3, cloth.before.shape)

@@ -13,7 +13,7 @@ from model.gap.report.figures import ALL_DRAWINGS, closure, course, place, ranki
 from model.gap.report.style import DPI, WIDTH, png
 from model.gap.report.wording import millimetres
 
-CASES = ("findings", "alike", "nothing", "unknown")
+CASES = ("findings", "alike", "pair", "nothing", "unknown")
 DRAWINGS = [pytest.param(each, id=each.file) for each in ALL_DRAWINGS]
 
 
@@ -32,9 +32,10 @@ def test_a_figure_is_a_png_with_ink(drawing, case, request):
     assert 0.005 < (np.asarray(image.convert("L")) < 200).mean() < 0.6
 
 
+@pytest.mark.parametrize("case", ["alike", "pair", "late"])
 @pytest.mark.parametrize("drawing", DRAWINGS)
-def test_nothing_sticks_out_of_a_figure(drawing, alike):
-    figure = drawing.draw(alike)
+def test_nothing_sticks_out_of_a_figure(drawing, case, request):
+    figure = drawing.draw(request.getfixturevalue(case))
     figure.draw_without_rendering()
     box, page = figure.get_tightbbox(), figure.bbox_inches
     assert box.x0 >= page.x0 - 0.02
@@ -183,6 +184,19 @@ def test_each_moment_tells_how_far_off_each_twin_is(findings):
         off = np.nanmean(np.linalg.norm(rollout[frame] - findings.observed[frame], axis=-1))
         assert f"{millimetres(off)} off" in words
     assert len(re.findall("held out", words)) == 1
+
+
+@pytest.mark.parametrize("case", ["alike", "pair", "late"])
+def test_words_of_the_rollouts_keep_apart(case, request):
+    figure = rollouts.draw(request.getfixturevalue(case))
+    figure.draw_without_rendering()
+    titles = [axes.title.get_window_extent() for axes in figure.axes[:2]]
+    assert titles[0].x1 < titles[1].x0
+    for axes in figure.axes:
+        if axes.get_ylabel():
+            assert axes.yaxis.label.get_window_extent().x1 < axes.get_window_extent().x0
+    written = [text.get_window_extent() for axes in figure.axes[:2] for text in axes.texts if text.get_text()]
+    assert min(title.y0 for title in titles) > max(text.y1 for text in written[:1])
 
 
 def test_a_twin_that_flew_away_leaves_the_panel(findings):
