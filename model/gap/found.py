@@ -186,7 +186,7 @@ class Found:
             error_baseline=_per_frame(came),
             error_refit=_per_frame(before),
             rest=rest,
-            controllers=seen.controllers,
+            controllers=seen.controllers[:, fitted.plain.twin.holders],
             after=None if after is None else np.concatenate([rest[None], after.points]),
             error_after=None if after is None else _per_frame(after),
             ground_height=seen.ground_height,

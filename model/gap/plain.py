@@ -199,12 +199,24 @@ class PlainTwin:
     @property
     def idle(self) -> list[float]:
         """How far hands are in the first frame from a guessed body of which they hold nothing [m]."""
-        hands, body = self.observation.controllers[0].astype(np.float64), self.body
-        if self.given or not len(hands):
+        if self.given:
             return []
-        away = cKDTree(body.points).query(hands)[0]
-        idle = idle_hands(hands, body.points[body.grip[:, 1]], SAME_HAND * body.grasp)
-        return [float(away[own].min()) for own in idle]
+        away = cKDTree(self.body.points).query(self.observation.controllers[0].astype(np.float64))[0]
+        return [float(away[own].min()) for own in self._idle]
+
+    @property
+    def holders(self) -> Int64[Array, " c"]:
+        """The controllers of hands that hold some of the body."""
+        every = np.arange(self.observation.controllers.shape[1], dtype=np.int64)
+        return np.setdiff1d(every, np.concatenate([every[:0], *self._idle]))
+
+    @property
+    def _idle(self) -> list[Int64[Array, " c"]]:
+        """The controllers of each hand that holds nothing."""
+        hands, body = self.observation.controllers[0].astype(np.float64), self.body
+        if not len(hands):
+            return []
+        return idle_hands(hands, body.points[body.grip[:, 1]], SAME_HAND * body.grasp)
 
     @property
     def quantities(self) -> dict[str, Quantity]:

@@ -14,7 +14,7 @@ from model.types import Array
 class Findings:
     """A gap report, and the arrays that its figures show.
 
-    N observed points, T frames, C points of the hand. All in the world frame (z up).
+    N observed points, T frames, C controllers. All in the world frame (z up).
     """
 
     report: GapReport
@@ -31,7 +31,7 @@ class Findings:
     rest: Float[Array, "N 3"]
     """The observed points at rest [m]."""
     controllers: Float[Array, "T C 3"]
-    """The hand [m]."""
+    """Of the hands that hold some of it [m]."""
     after: Float[Array, "T N 3"] | None = None
     """Rollout with the verdict's effect [m]; None: the verdict has none."""
     error_after: Float[Array, " T"] | None = None

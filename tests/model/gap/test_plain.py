@@ -157,4 +157,7 @@ def test_a_hand_that_nothing_goes_with_holds_nothing_and_says_how_far_it_is():
     watched = replace(observation, controllers=controllers)
     twin = PlainTwin.of(body_of(watched), watched)
     assert twin.idle == [pytest.approx(0.25, abs=0.01)]
-    assert not PlainTwin.of(body_of(observation), observation).idle
+    np.testing.assert_array_equal(twin.holders, [0, 1])
+    busy = PlainTwin.of(body_of(observation), observation)
+    assert not busy.idle
+    np.testing.assert_array_equal(busy.holders, [0, 1])
