@@ -24,13 +24,18 @@ def check_outputs(sources: Iterable[Path | None], *outputs: Path | None) -> None
     """
     read = [source.resolve() for source in sources if source is not None]
     taken = {path: "the input" if path == read[0] else "read by this command" for path in reversed(read)}
+    written: list[Path] = []
     for output in outputs:
         if output is None:
             continue
         check_writable(output)
-        if output.resolve() in taken:
-            raise InputError(f"{output} is {taken[output.resolve()]}: give the output another name")
-        taken[output.resolve()] = "another output"
+        place = output.resolve()
+        if place in taken:
+            raise InputError(f"{output} is {taken[place]}: give the output another name")
+        if any(place in other.parents or other in place.parents for other in written):
+            raise InputError(f"{output} is above or below another output: give the output another name")
+        taken[place] = "another output"
+        written.append(place)
 
 
 def default_to_one_thread() -> None:

@@ -14,7 +14,6 @@ from model.commands.common import (
 )
 from model.doubts import collect_doubts
 from model.errors import InputError
-from model.formats.files import check_writable
 from model.progress import progress
 
 
@@ -54,8 +53,9 @@ def diagnose(
     """Say where a twin departs from OBSERVATION, which effect it lacks, and how far the gap shrinks."""
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file: give a folder for the report")
-    check_writable(out / "report.json")
-    check_outputs((observation, transfer), save_twin)
+    from model.gap.report.write import report_files
+
+    check_outputs((observation, transfer), *report_files(out), save_twin)
     if save_twin is not None and twin is not None and save_twin.resolve() == twin.resolve():
         raise InputError(f"{save_twin} is the twin that is questioned: give the output another name")
     from model.pipeline import diagnose as run

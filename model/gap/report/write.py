@@ -15,6 +15,11 @@ from model.schema import write_json
 REPORT, PAGE = "report.json", "report.html"
 
 
+def report_files(folder: Path) -> tuple[Path, ...]:
+    """All that `write_report` writes, `report.json` first."""
+    return tuple(folder / name for name in (REPORT, PAGE, *(each.file for each in ALL_DRAWINGS)))
+
+
 def write_report(findings: Findings, folder: Path, whole: GapReport | None = None) -> tuple[Path, ...]:
     """Write `report.json`, `report.html` and the figures; other files of the folder stay.
 
@@ -39,4 +44,4 @@ def write_report(findings: Findings, folder: Path, whole: GapReport | None = Non
         for name, content in contents.items():
             unwound.enter_context(replacing(folder / name)).write_bytes(content)
         (folder / REPORT).unlink(missing_ok=True)
-    return tuple(folder / name for name in contents)
+    return report_files(folder)

@@ -216,3 +216,16 @@ class TestRefused:
 
     def test_a_twin_over_the_observation(self, refused, file):
         assert "is the input" in refused("--save-twin", file)
+
+    @pytest.mark.parametrize("name", ["gap", "gap/report.json", "gap/place.png"])
+    def test_a_twin_where_the_report_goes(self, refused, tmp_path, name):
+        assert "give the output another name" in refused("--save-twin", tmp_path / name)
+
+    def test_a_report_below_the_twin(self, refused, tmp_path):
+        line = refused("--save-twin", tmp_path / "a.twin.zip", "--out", tmp_path / "a.twin.zip" / "gap")
+        assert "give the output another name" in line
+
+    @pytest.mark.parametrize("name", ["report.html", "rollouts.png"])
+    def test_a_folder_where_a_file_of_the_report_goes(self, refused, tmp_path, name):
+        (tmp_path / "gap" / name).mkdir(parents=True)
+        assert f"{name}: it is a folder" in refused()
