@@ -1,5 +1,6 @@
 """A PhysTwin case (`final_data.pkl`) → an observation."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,11 @@ def observe_arrays(arrays: dict[str, Array], name: str, fps: float = FPS) -> Obs
     colors = arrays.get("object_colors")
     if colors is not None:
         content["colors"] = _colors(colors, points.shape[1], name)
-    return parse_observation(content, name)
+    observation = parse_observation(content, name)
+    if len(points) != len(controllers):
+        counts = f"{len(points)} frames of the object and {len(controllers)} of the hand"
+        warnings.warn(f"{name}: {counts}: the first {frames} are taken", stacklevel=2)
+    return observation
 
 
 def _required(arrays: dict[str, Array], key: str, name: str) -> Array:
@@ -81,7 +86,7 @@ def _seen(arrays: dict[str, Array], shape: tuple[int, ...], name: str) -> Bool[A
         count = min(len(visible), shape[0])
         seen[:count] &= visible[:count].astype(bool)
     if valid is not None:  # its row t judges the motion from frame t to t + 1
-        count = min(len(valid), shape[0] - 1)
+        count = min(len(valid), max(shape[0] - 1, 0))
         seen[1 : count + 1] &= valid[:count].astype(bool)
     return seen
 

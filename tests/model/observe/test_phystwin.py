@@ -69,6 +69,7 @@ def test_hidden_and_invalid_points_are_not_seen(tmp_path: Path):
         ({"controller_points": np.array(1.0)}, "controller_points: expected shape [T, C, 3], found []"),
         ({"object_visibilities": np.ones((FRAMES, 2))}, "object_visibilities: expected shape [8, 5]"),
         ({"object_colors": np.ones((2, 3))}, "object_colors: expected shape [T, 5, 3], found [2, 3]"),
+        ({"object_points": np.zeros((0, POINTS, 3))}, "times: expected at least 2 frames, found 0"),
         ({"object_points": case()["object_points"] * 1000}, "points: expected an object of 0.001 to 10 m"),
     ],
 )
@@ -76,6 +77,12 @@ def test_refuses(tmp_path: Path, changes: dict[str, object], expected: str):
     with pytest.raises(InputError) as caught:
         observe_phystwin(save(tmp_path, **changes))
     assert str(caught.value).startswith(f"final_data.pkl: {expected}")
+
+
+def test_frames_that_only_the_hand_or_the_object_has_are_left_out_and_said(tmp_path: Path):
+    with pytest.warns(UserWarning, match="8 frames of the object and 6 of the hand: the first 6 are taken"):
+        observation = observe_phystwin(save(tmp_path, controller_points=case()["controller_points"][:6]))
+    assert len(observation.times) == len(observation.points) == len(observation.controllers) == 6
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
