@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.errors import InputError
-from model.formats.files import replacing
+from model.formats.files import check_writable, replacing
 
 START, END = "<!-- {}: {} -->", "<!-- end of {}: {} -->"
 """Around what a command has written under a title."""
@@ -26,6 +26,16 @@ class Section:
     """The rest, in Markdown."""
     figures: Mapping[str, tuple[str, bytes]]
     """Caption and PNG by the end of its name, `errors.png`; they stand below the body."""
+
+
+def check_section(page: Path, command: str, title: str) -> None:
+    """See that a section can be put into a page, before the work that it tells of.
+
+    Raises:
+        InputError: it cannot be written, or only one of the section's two markers is there.
+    """
+    check_writable(page)
+    _marks(page.read_text() if page.is_file() else "", page, command, title)
 
 
 def write_section(page: Path, section: Section, head: str | None = None) -> tuple[Path, ...]:
@@ -62,19 +72,26 @@ def write_section(page: Path, section: Section, head: str | None = None) -> tupl
 
 
 def _placed(text: str, page: Path, section: Section, paragraphs: list[str]) -> str:
-    start, end = (mark.format(section.command, section.title) for mark in (START, END))
+    start, end = _marks(text, page, section.command, section.title)
     inside = "\n\n".join(paragraphs)
     whole = f"{start}\n\n{inside}\n\n{end}"
-    if start not in text and end not in text:
+    if start not in text:
         return f"{text.rstrip()}\n\n{whole}\n"
-    if text.count(start) != 1 or text.count(end) != 1 or text.index(start) > text.index(end):
-        raise InputError(f"{page}: expected {start} and {end} once each, in this order")
     before, rest = text.split(start)
     former, after = rest.split(end)
     said = former.strip().split("\n\n")
     if len(said) > 1 and said[2:] != inside.split("\n\n")[2:]:
         after = _dated(after, said[1])
     return before + whole + after
+
+
+def _marks(text: str, page: Path, command: str, title: str) -> tuple[str, str]:
+    """Where the section begins and where it ends: both are in the text, or neither is."""
+    start, end = (mark.format(command, title) for mark in (START, END))
+    counts = text.count(start), text.count(end)
+    if counts != (0, 0) and (counts != (1, 1) or text.index(start) > text.index(end)):
+        raise InputError(f"{page}: expected {start} and {end} once each, in this order")
+    return start, end
 
 
 def _dated(after: str, run: str) -> str:

@@ -41,14 +41,19 @@ def gap_benchmark(
     A world is NAME.npz, with NAME.transfer.npz for another interaction; labels are labels.json or
     labels.sealed. Sealed ones are opened once all predictions are written and hashed.
     """
-    from model.formats.page import write_section
+    from model.formats.files import check_writable
+    from model.formats.page import check_section, write_section
     from model.gap.benchmark.check import benchmark
-    from model.gap.benchmark.document import HEAD, printed, section
+    from model.gap.benchmark.document import COMMAND, HEAD, printed, section
+    from model.gap.benchmark.predict import PREDICTIONS
     from model.gap.diagnose import diagnose
 
+    check_writable(out / PREDICTIONS)
+    if docs is not None:
+        check_section(docs, COMMAND, title)
     options = ["--out", str(out), "--title", title, "--workers", str(workers)]
     options += [] if docs is None else ["--docs", str(docs)]
-    command = shlex.join(["matphys", "gap-benchmark", str(worlds), *options])
+    command = shlex.join(["matphys", COMMAND, str(worlds), *options])
     with progress(quiet) as report:
         done = benchmark(
             worlds, out, diagnose, workers=workers, title=title, command=command, progress=report

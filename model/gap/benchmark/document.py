@@ -11,6 +11,8 @@ from model.gap.benchmark.scores import Score, confusion
 from model.gap.benchmark.table import Row, Table
 from model.gap.report.style import png
 
+COMMAND = "gap-benchmark"
+"""That writes the section."""
 HEAD = """# The withheld check
 
 How well `matphys diagnose` does on worlds whose truth it was not told: simulated by code that shares
@@ -82,7 +84,7 @@ def section(run: Run, table: Table, worlds: Sequence[Outcome]) -> Section:
         _mistakes(clear),
     ]
     images = {name: (caption, png(figure)) for name, (caption, figure) in drawn.items()}
-    return Section("gap-benchmark", run.title, _about(run, worlds), "\n\n".join(body), images)
+    return Section(COMMAND, run.title, _about(run, worlds), "\n\n".join(body), images)
 
 
 def _about(run: Run, worlds: Sequence[Outcome]) -> str:

@@ -72,6 +72,27 @@ def test_a_folder_without_labels_is_refused_before_any_work(worlds, tmp_path, di
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("out", "page", "said"),
+    [
+        ("file/out", "page.md", "file is not a folder"),
+        ("out", "file/page.md", "file is not a folder"),
+        ("out", "broken.md", "once each, in this order"),
+    ],
+)
+def test_what_cannot_be_written_is_refused_before_any_work(worlds, tmp_path, diagnose, out, page, said):
+    """Not after hours, once the labels have been opened."""
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "broken.md").write_text(START.format("gap-benchmark", "Worlds"))
+    text = (worlds / PLAIN).read_bytes()
+    (worlds / PLAIN).unlink()
+    (worlds / SEALED).write_bytes(seal(text))
+    with pytest.raises(InputError, match=said):
+        call(worlds, "--out", tmp_path / out, "--workers", 1, "--docs", tmp_path / page)
+    assert not (tmp_path / "out").exists()
+    assert not (worlds / LOG).exists()
+
+
 def test_labels_stay_closed_where_diagnoses_break(worlds, tmp_path, monkeypatch):
     def broken(observation, twin=None, *, transfer=None, progress=None):
         raise FileNotFoundError("no weights")
