@@ -4,13 +4,13 @@ import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from model.gap.bodies.let_go import let_go
 from model.gap.bodies.neighbours import covering_points
 from model.gap.diagnosable import POINTS, check_diagnosable, check_enough, check_same_points, check_transfer
-from model.gap.schema import GapReport
+from model.gap.schema import GapReport, PartShare
 from model.types import Array, Observation
 
 MOST = 400
@@ -81,7 +81,7 @@ class Taken:
         """What was found, said of all frames and points of the recording.
 
         Nothing of the gap lies in frames that were left out. A point's share is divided among those that it
-        stands for.
+        stands for, and goes to the parts that these belong to.
 
         Args:
             found: Of `observation`.
@@ -91,14 +91,27 @@ class Taken:
         told, by = self.stands_in >= 0, self.stands_in
         count = np.bincount(by[told], minlength=len(self.kept))
         shares, acts = np.array(found.where.points), np.array(found.where.acts_on)
+        points = np.where(told, shares[by] / np.maximum(count[by], 1), 0.0)
         where = found.where.model_copy(
             update={
                 "frames": tuple(frames.tolist()),
-                "points": tuple(np.where(told, shares[by] / np.maximum(count[by], 1), 0.0).tolist()),
+                "points": tuple(points.tolist()),
+                "parts": found.where.parts if len(by) == len(self.kept) else self._parts(found, points),
                 "acts_on": tuple(np.where(told, acts[by], 0.0).tolist()),
             }
         )
         return found.model_copy(update={"where": where})
+
+    def _parts(self, found: GapReport, points: Float64[Array, " N"]) -> tuple[PartShare, ...]:
+        """What the labelled parts have of the gap, also those of which no point was looked at."""
+        if self.whole.parts is None:
+            return found.where.parts
+        labels, part = np.unique(self.whole.parts, return_inverse=True)
+        shares = np.bincount(part, points)
+        return tuple(
+            PartShare(part=int(label), share=min(float(share), 1.0))
+            for label, share in zip(labels, shares, strict=True)
+        )
 
 
 def frames_of(observation: Observation, frames: slice) -> Observation:

@@ -8,7 +8,7 @@ import pytest
 
 from model.errors import InputError
 from model.gap.bodies.body import body_of
-from model.gap.schema import GapReport, Where
+from model.gap.schema import GapReport, PartShare, Where
 from model.gap.taken import MOST, Taken
 from model.types import Observation
 
@@ -137,6 +137,22 @@ def test_many_points_are_told_by_some_that_cover_the_object(dense):
         assert said.acts_on[point] == before.acts_on[near]
     own = np.array(said.points)
     assert own[taken.stands_in == 7].sum() == pytest.approx(before.points[7])
+
+
+def test_parts_have_what_their_points_have_though_some_points_stand_for_all(dense):
+    with pytest.warns(UserWarning, match="points are more than a diagnosis can look at"):
+        kept = Taken.of(dense, "o.npz").kept
+    parts = np.where(np.arange(1600) < 800, 5, 9)
+    parts[np.setdiff1d(np.arange(80), kept)[0]] = 3  # of which no point is looked at
+    with pytest.warns(UserWarning, match="points are more than a diagnosis can look at"):
+        taken = Taken.of(replace(dense, parts=parts), "o.npz")
+    shares = tuple(PartShare(part=label, share=0.5) for label in (5, 9))
+    some = found(taken)
+    where = some.where.model_copy(update={"parts": shares})
+    told = taken.report(some.model_copy(update={"where": where})).where
+    assert [each.part for each in told.parts] == [3, 5, 9]
+    for each in told.parts:
+        assert each.share == pytest.approx(np.array(told.points)[parts == each.part].sum())
 
 
 def test_points_in_one_place_lose_nothing(seen):
