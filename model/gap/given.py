@@ -75,6 +75,12 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
     near = grip_of(body.points, observation.controllers[0].astype(np.float64), body.grasp)
     if not len(near):
         _let_go(body, observation)
+    elif len(graph.grip):
+        warnings.warn(
+            "the controllers do not start where the twin's do: how firmly they hold it is a guess until it "
+            "is refitted, and its baseline is of that guess",
+            stacklevel=2,
+        )
     hand = PlainTwin.of(replace(body, grip=near), observation)
     twin = PlainTwin.of(hand.body, observation, _matter(graph, bundle, hand.matter))
     return replace(twin, controls=hand.controls, carried=carried)

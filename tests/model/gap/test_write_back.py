@@ -109,6 +109,7 @@ class TestGiven:
         assert there["ci95"] == pytest.approx([5e-5 * factor, 2e-4 * factor])
         assert there["unit"] == "N·m²"
 
+    @pytest.mark.filterwarnings("ignore:the controllers do not start where:UserWarning")
     def test_another_hand_leaves_the_grip_of_the_twin(self, twin, seen, found):
         elsewhere = replace(seen, controllers=np.repeat(seen.points[:1, :1], 5, axis=0))
         plain = given_twin(twin, elsewhere)
@@ -172,6 +173,7 @@ class TestMade:
         colors = np.tile(np.array([[255, 0, 51]], np.uint8), (len(places), 1))
         return Observation(np.arange(6) / 25, points, hand, ground_height=0.5, colors=colors)
 
+    @pytest.mark.filterwarnings("ignore:the controllers do not start where:UserWarning")
     def test_is_what_it_came_as_in_any_hand(self, hung, found):
         """Held elsewhere, how it is held is a guess and what it is made of is not: it bends as it came."""
         made = twin_of(hung, Diagnosis(found(hung), ()), PlainTwin.of(body_of(hung), hung))
