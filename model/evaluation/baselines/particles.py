@@ -46,7 +46,7 @@ def choose(case: Case, most: int) -> Int[Array, " n"]:
 
 
 def graph(case: Case, chosen: Int[Array, " n"], neighbours: int) -> Particles:
-    """Join each particle to its nearest, and each controller to the particles nearest to it."""
+    """Join each particle to its nearest, and each controller that holds something to those nearest to it."""
     points = case.topology.points[chosen]
     tree, count = cKDTree(points), len(points)
     wanted = min(neighbours + 1, count)
@@ -58,6 +58,7 @@ def graph(case: Case, chosen: Int[Array, " n"], neighbours: int) -> Particles:
     most = min(neighbours, count)
     near = tree.query(held, most)[1].reshape(len(held), most)
     grips = np.stack([count + np.repeat(np.arange(len(held)), most), near.ravel().astype(np.int64)], axis=1)
+    grips = grips[np.isin(grips[:, 0] - count, case.topology.controller_springs[:, 0])]
     pairs = np.concatenate([own, own[:, ::-1], grips])
     return Particles(
         rest=torch.as_tensor(np.concatenate([points, held])),

@@ -85,6 +85,8 @@ def with_springs(topology: Topology, springs: Int[Array, "E 2"]) -> Topology:
 def hold(topology: Topology, grips: int, reach: float) -> Topology:
     """The topology with other controller springs: to the nearest points within reach, at least to one.
 
+    A controller that holds nothing in the topology, since it does not touch the object, holds nothing here.
+
     Args:
         topology: Its controllers are where they are in frame 0.
         grips: Springs per controller.
@@ -102,6 +104,7 @@ def hold(topology: Topology, grips: int, reach: float) -> Topology:
     nearest = np.where(long_enough.any(axis=1), long_enough.argmax(axis=1), wanted - 1)
     held[np.arange(len(held)), nearest] = True
     held &= np.cumsum(held, axis=1) <= grips
+    held &= np.isin(np.arange(len(held)), topology.controller_springs[:, 0])[:, None]
     owner = np.repeat(np.arange(len(held))[:, None], wanted, axis=1)
     pairs = np.stack([owner[held], index[held]], axis=1).astype(np.int32)
     return replace(

@@ -27,6 +27,20 @@ def test_the_graph_joins_neighbours_both_ways_and_controllers_one_way(make_case)
     assert all(receiver < 30 for _, receiver in pairs)
 
 
+def test_a_controller_that_does_not_touch_the_object_tells_no_particle(make_case):
+    case = make_case(frames=6)
+    touching = case.topology.controller_springs[:, 0] != 0
+    topology = replace(
+        case.topology,
+        controller_springs=case.topology.controller_springs[touching],
+        controller_rest_length=case.topology.controller_rest_length[touching],
+    )
+    particles = graph(replace(case, topology=topology), choose(case, 30), 5)
+    senders = set(particles.pairs[:, 0].tolist())
+    assert 30 not in senders
+    assert set(range(31, len(particles.rest))) <= senders
+
+
 def test_observed_points_follow_the_particles(make_case):
     case = make_case(frames=6)
     particles = graph(case, choose(case, 30), 5)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,3 +49,18 @@ def test_each_controller_holds_something_but_no_more_than_asked(make_case, reach
     per_controller = np.bincount(held.controller_springs[:, 0], minlength=len(held.controller_points))
     assert per_controller.min() >= 1
     assert per_controller.max() <= 2
+
+
+def test_a_controller_that_does_not_touch_the_object_holds_nothing(make_case):
+    topology = make_case(frames=3).topology
+    loose = topology.controller_springs[:, 0] == 0
+    apart = topology.controller_points.copy()
+    apart[0] += 1.0
+    without = replace(
+        topology,
+        controller_points=apart,
+        controller_springs=topology.controller_springs[~loose],
+        controller_rest_length=topology.controller_rest_length[~loose],
+    )
+    held = hold(without, 4, 2.0)
+    assert set(held.controller_springs[:, 0]) == set(range(1, len(apart)))
