@@ -78,6 +78,8 @@ def read_phystwin_case(
         Jiang et al. (2025), PhysTwin: physics-informed reconstruction and simulation of deformable objects
         (its `data_process` writes these files).
     """
+    if folder.name in ("", ".."):  # a case is known by the name of its folder
+        folder = folder.resolve()
     path = folder / "final_data.pkl"
     if not fps > 0.0:
         raise InputError(f"{folder.name}: {fps:g} frames per second: expected more than 0")

@@ -1,5 +1,8 @@
 """Recorded cases become a folder like generated ones, all or none."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from model.errors import InputError
@@ -31,3 +34,29 @@ def test_two_of_one_name_are_refused(tmp_path, save_phystwin):
         gather(tmp_path / "cases", twice)
     with pytest.raises(InputError, match="has cases already"):
         gather(tmp_path / "one", [twice[0]]) and gather(tmp_path / "one", [twice[1]])
+
+
+def test_a_recording_that_is_refused_is_named(tmp_path, save_phystwin):
+    good, bad = save_phystwin(tmp_path), save_phystwin(tmp_path, "broken_rope", object_points=None)
+    with pytest.raises(InputError, match=r"broken_rope: final_data\.pkl: object_points"):
+        gather(tmp_path / "cases", [good, bad])
+
+
+@pytest.mark.parametrize("place", [".", "inner/.."])
+def test_a_case_has_the_name_of_its_folder_however_that_is_written(
+    tmp_path, save_phystwin, place, monkeypatch
+):
+    recording = save_phystwin(tmp_path)
+    (recording / "inner").mkdir()
+    monkeypatch.chdir(recording)
+    index = gather(tmp_path / "cases", [Path(place)])
+    assert [(entry.object_name, entry.interaction) for entry in index.cases] == [
+        ("single_lift_sloth", "lift")
+    ]
+
+
+def test_a_hand_that_holds_nothing_is_told(tmp_path, save_phystwin):
+    apart = np.full((10, 2, 3), [0.5, 0.5, -0.5])
+    recording = save_phystwin(tmp_path, controller_points=apart)
+    with pytest.warns(UserWarning, match=r"single_lift_sloth: 2 controller point.* hold nothing"):
+        gather(tmp_path / "cases", [recording])
