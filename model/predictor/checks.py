@@ -3,7 +3,7 @@
 from model.errors import InputError
 
 
-def at_least(least: int, where: str, **options: int) -> None:
+def at_least(least: int, where: str, **options: int | float) -> None:
     """Refuse options below this.
 
     Args:

@@ -19,7 +19,7 @@ from model.predictor.checks import at_least
 from model.predictor.geometry import Geometry, describe_geometry
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.motion_store import read_motion, store_motion
-from model.predictor.object_split import left_out, split_objects
+from model.predictor.object_split import check_fold, left_out, split_objects
 from model.predictor.sample import Sample, make_sample
 from model.progress import progress
 from model.scenes.case import Case
@@ -192,6 +192,10 @@ class CaseDataModule(LightningDataModule):
         if not 0.0 < validation_share < 1.0:
             raise InputError(f"data.validation_share is {validation_share}: expected a share between 0 and 1")
         at_least(1, "data", batch_size=batch_size, workers=workers)
+        at_least(0, "data", objects=objects, seed=seed)
+        if objects == 1:
+            raise InputError("data.objects is 1: expected 2 or more, so that one can be held out; 0: none")
+        check_fold(folds, fold)
         self.folder, self.test_folder = folder, test_folder
         self.encoder = encoder or KinematicEncoder()
         self.motion_dim, self.motion_global_dim = self.encoder.dim, self.encoder.global_dim

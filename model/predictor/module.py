@@ -94,7 +94,8 @@ class PredictorModule(LightningModule):
         rollouts: When and how far cases are rolled out.
         learning_rate: Its peak.
         weight_decay: Of AdamW.
-        warm_up_steps: In which the learning rate rises to its peak; then it falls as a cosine.
+        warm_up_steps: In which the learning rate rises to its peak, at most a tenth of all;
+            then it falls as a cosine.
         seed: Of dropout and of which cases are rolled out.
         start: A predictor to start from (or to validate, test or predict with).
     """
@@ -115,9 +116,13 @@ class PredictorModule(LightningModule):
         """See the class.
 
         Raises:
-            InputError: the predictor to start from was made with other options or another encoder.
+            InputError: a number that it cannot be, or the predictor to start from was made with other options
+                or another encoder.
         """
         super().__init__()
+        at_least(0, "model", warm_up_steps=warm_up_steps, seed=seed, weight_decay=weight_decay)
+        if not learning_rate > 0.0:
+            raise InputError(f"model.learning_rate is {learning_rate}: expected more than 0")
         self.options, self.weights, self.rollouts = network, weights, rollouts
         self.learning_rate, self.weight_decay, self.warm_up_steps = learning_rate, weight_decay, warm_up_steps
         self.seed, self._given = seed, start is not None

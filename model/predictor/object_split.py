@@ -13,6 +13,18 @@ from model.scenes.files import IndexEntry
 from model.scenes.object_group import object_group
 
 
+def check_fold(folds: int, fold: int) -> None:
+    """Refuse a fold that there is not.
+
+    Raises:
+        InputError: it is none of so many.
+    """
+    if (folds, fold) != (0, 0) and not (2 <= folds and 0 <= fold < folds):
+        raise InputError(
+            f"data.fold {fold} of data.folds {folds}: expected two folds or more, counted from 0"
+        )
+
+
 def left_out(entries: Sequence[IndexEntry], folds: int, fold: int, seed: int) -> list[str]:
     """Names of what is in one fold of several: every object is in one of them, every class in most.
 
@@ -25,12 +37,9 @@ def left_out(entries: Sequence[IndexEntry], folds: int, fold: int, seed: int) ->
     Raises:
         InputError: there is no such fold, or it has no objects.
     """
-    if folds == 0 and fold == 0:
+    check_fold(folds, fold)
+    if folds == 0:
         return []
-    if not 0 <= fold < folds or folds < 2:
-        raise InputError(
-            f"data.fold {fold} of data.folds {folds}: expected two folds or more, counted from 0"
-        )
     objects = _objects(entries)
     if len(objects) < folds:
         raise InputError(f"data.folds is {folds}, but there are {len(objects)} objects: give at most as many")

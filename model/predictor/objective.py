@@ -1,7 +1,7 @@
 """The terms that training adds up: beliefs against truth and prior, motion against what was seen."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import torch
@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from model.predictor.batches import Batch
+from model.predictor.checks import at_least
 from model.predictor.losses import chamfer_loss, log_normal_divergence, surprise, track_loss
 from model.predictor.rollout import Mechanics, mechanics_of, roll_out
 from model.predictor.sample import Prediction
@@ -39,6 +40,14 @@ class LossWeights:
     parts: float = 1.0
     springs: float = 0.3
     globals: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Refuse what would be maximised.
+
+        Raises:
+            InputError: see the message.
+        """
+        at_least(0, "model.weights", **asdict(self))
 
     def total(self, terms: Mapping[str, Tensor]) -> Float[Tensor, ""]:
         """The weighted sum of terms by the names above, where the first is: rollouts are on the processor."""

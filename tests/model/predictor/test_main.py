@@ -205,6 +205,18 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
         (["fit", "--data.validation_share=2"], "validation_share"),
         (["fit", "--data.batch_size=0"], "data.batch_size is 0"),
         (["fit", "--data.workers=0"], "data.workers is 0"),
+        (["fit", "--data.objects=-3"], "data.objects is -3"),
+        (["fit", "--data.objects=1"], "data.objects is 1"),
+        (["fit", "--data.seed=-1"], "data.seed is -1"),
+        (
+            ["fit", "--data.folder=elsewhere", "--data.objects=2", "--data.folds=3", "--data.fold=3"],
+            "data.fold 3",
+        ),
+        (["fit", "--model.seed=-1"], "model.seed is -1"),
+        (["fit", "--model.learning_rate=0"], "model.learning_rate is 0"),
+        (["fit", "--model.weight_decay=-0.1"], "model.weight_decay is -0.1"),
+        (["fit", "--model.warm_up_steps=-5"], "model.warm_up_steps is -5"),
+        (["fit", "--model.weights.prior=-1"], "model.weights.prior is -1"),
         (["fit", "--data.opinions.right=-1"], "data.opinions"),
         (["fit", "--data.opinions.wrong_probability=2"], "wrong_probability is 2"),
         (["fit", "--model.network.heads=3"], "model.network.heads is 3"),
@@ -231,6 +243,7 @@ def test_bad_input_is_one_line_and_2(arguments, says, case_folder, tmp_path, mon
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("matphys:")]
     assert len(lines) == 1
     assert says in lines[0]
+    assert not (tmp_path / "elsewhere").exists()
 
 
 def test_an_unknown_key_of_a_configuration_is_named(tmp_path, case_folder, capsys):
