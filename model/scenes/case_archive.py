@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from model.errors import InputError
 from model.observation import parse_observation
 from model.scenes.case import Anchors, Case, Interaction, ObjectClass, Truth
+from model.scenes.case_check import check_arrays, check_prior
 from model.types import Array, Camera, Estimate, Gaussians, MaterialPrior, Observation, ShapeClass, Topology
 
 SCHEMA = "matphys.case/1"
@@ -44,11 +45,21 @@ class PriorText(Strict):
     shape_class: ShapeClass
 
 
+class TruthText(Strict):
+    """What of the truth is no array; units as in `Truth`."""
+
+    dashpot_damping: float
+    drag_rate: float
+    friction: float
+    restitution: float
+
+
 class CaseText(Strict):
     """What `case.json` holds."""
 
     schema_: str = Field(alias="schema", pattern=f"^{SCHEMA}$")
-    name: str
+    name: str = Field(pattern=r"^[^/\\\x00]+$")
+    """Files are named by it."""
     object_name: str
     object_class: ObjectClass
     interaction: Interaction
@@ -57,7 +68,7 @@ class CaseText(Strict):
     priors: list[PriorText]
     image: tuple[int, int] | None
     """Width and height of the camera's image [px]; None: no camera."""
-    truth: dict[str, float] | None
+    truth: TruthText | None
 
 
 def case_text(case: Case) -> dict[str, Any]:
@@ -71,7 +82,6 @@ def case_text(case: Case) -> dict[str, Any]:
         for prior in case.priors
     ]
     truth, camera = case.truth, case.camera
-    names = ("dashpot_damping", "drag_rate", "friction", "restitution")
     text = CaseText(
         schema=SCHEMA,
         name=case.name,
@@ -82,7 +92,9 @@ def case_text(case: Case) -> dict[str, Any]:
         split=case.split,
         priors=priors,
         image=None if camera is None else (camera.width, camera.height),
-        truth=None if truth is None else {name: float(getattr(truth, name)) for name in names},
+        truth=None
+        if truth is None
+        else TruthText(**{name: float(getattr(truth, name)) for name in TruthText.model_fields}),
     )
     return text.model_dump(by_alias=True)
 
@@ -123,11 +135,13 @@ def assemble(text: CaseText, arrays: Mapping[str, Array], where: str) -> Case:
     Raises:
         InputError: an array is missing, or the arrays do not fit each other.
     """
+    check_arrays(arrays, len(text.priors), where)
     try:
         case = _joined(text, arrays, where)
     except KeyError as error:
         raise InputError(f"{where}: expected the array {error.args[0]}, found none") from None
-    _check(case)
+    for prior in case.priors:
+        check_prior(prior, where)
     return case
 
 
@@ -160,7 +174,7 @@ def _joined(text: CaseText, arrays: Mapping[str, Array], where: str) -> Case:
         camera=camera,
         gaussians=_record(Gaussians, "gaussians", arrays) if "gaussians.means" in arrays else None,
         complete=_typed("complete", arrays["complete"]) if "complete" in arrays else None,
-        truth=None if text.truth is None else _record(Truth, "truth", arrays, **text.truth),
+        truth=None if text.truth is None else _record(Truth, "truth", arrays, **text.truth.model_dump()),
     )
 
 
@@ -181,26 +195,3 @@ def _typed(name: str, array: Array) -> Array:
     if name in DOUBLES:
         return np.array(array, np.float64)
     return np.array(array, KEPT["material"] if name == "material" else np.float32)
-
-
-def _check(case: Case) -> None:
-    """Refuse indices that point at nothing, which would only fail far from here.
-
-    Raises:
-        InputError: says which.
-    """
-    topology, count = case.topology, len(case.topology.points)
-    limits = {
-        "topology.springs": (topology.springs, count),
-        "topology.binding_index": (topology.binding_index, count),
-        "topology.controller_springs": (topology.controller_springs[:, 1], count),
-        "topology.controller_springs (controllers)": (
-            topology.controller_springs[:, 0],
-            len(topology.controller_points),
-        ),
-        "anchors.index": (case.anchors.index, count),
-    }
-    for name, (values, limit) in limits.items():
-        if values.size and not (0 <= int(values.min()) and int(values.max()) < limit):
-            found = f"{int(values.min())} to {int(values.max())}"
-            raise InputError(f"case {case.name}: {name}: expected indices below {limit}, found {found}")
