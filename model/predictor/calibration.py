@@ -38,7 +38,7 @@ class Calibration:
     friction: float = 1.0
     restitution: float = 1.0
     looks: float = 0.0
-    """Looks at cases that it rests on."""
+    """Looks at cases that it rests on: those whose truth is known."""
 
     def as_dict(self) -> dict[str, float]:
         """By name."""
@@ -75,7 +75,7 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
         for batch in batches:
             here = batch.to(device)
             found.append(deviations(network(here.sample), here))
-            looks += len(batch)
+            looks += sum(case.truth is not None for case in batch.cases)
     if not found:
         return Calibration()
     values = torch.cat([each.globals for each in found])

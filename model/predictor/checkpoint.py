@@ -180,8 +180,7 @@ def model_card(about: About, weights: int) -> str:
             "",
             *_list({"motion encoder": f"{about.encoder} {about.encoder_version}", **data}),
             "",
-            "Generated objects alone, of ten materials whose properties were drawn from"
-            " `model/priors/table.py`: no recording of a real one.",
+            _origin(data),
             "",
             "## Training",
             "",
@@ -195,9 +194,7 @@ def model_card(about: About, weights: int) -> str:
             "",
             "## Calibration",
             "",
-            "Predicted spreads were multiplied so that 90 % intervals held 90 % of these objects' truths:",
-            "",
-            *_list({name: f"{value:.3g}" for name, value in about.calibration.items()}),
+            *_calibrated(about.calibration),
             "",
             "## Not for",
             "",
@@ -212,6 +209,29 @@ def model_card(about: About, weights: int) -> str:
             "",
         ]
     )
+
+
+def _origin(data: Mapping[str, object]) -> str:
+    """What kind of objects it learned from; those of a folder without a seed were not generated."""
+    if data.get("seed") is None:
+        return (
+            "Cases that were not generated: what their parts really are was not known, and was learned from"
+            " their motion and from what the prior says."
+        )
+    return (
+        "Generated objects alone, of ten materials whose properties were drawn from"
+        " `model/priors/table.py`: no recording of a real one."
+    )
+
+
+def _calibrated(factors: Mapping[str, float]) -> list[str]:
+    if not factors.get("looks"):
+        return ["None: no truth of a held-out object is known, spreads are as they were learned."]
+    return [
+        "Predicted spreads were multiplied so that 90 % intervals held 90 % of these objects' truths:",
+        "",
+        *_list({name: f"{value:.3g}" for name, value in factors.items()}),
+    ]
 
 
 def _list(entries: Mapping[str, object]) -> list[str]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.predictor.batches import Example, TrueValues, make_batch
+from model.predictor.batches import Example, TrueValues, make_batch, true_values
 from model.predictor.calibration import LEAST, calibrate, deviations
 from model.predictor.losses import covered
 from model.predictor.options import NetworkOptions
@@ -85,3 +85,10 @@ def test_a_device_without_doubles_is_left_before_they_are_made(network, make_cas
         patch.setattr(torch.Tensor, "cpu", lambda self: brought.append(self.dtype) or home(self))
         calibrate(network, data)
     assert set(brought) == {torch.float32}
+
+
+def test_looks_at_cases_whose_truth_nobody_knows_are_none(network, make_case, sample_of):
+    case = replace(make_case(frames=4), truth=None)
+    data = make_batch([Example(case, sample_of(case), true_values(case, 2))])
+    found = calibrate(network, [data])
+    assert (found.looks, found.parts, found.friction) == (0.0, 1.0, 1.0)

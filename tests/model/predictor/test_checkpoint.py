@@ -5,8 +5,9 @@ import torch
 from safetensors.torch import save_file
 
 from model.errors import InputError
-from model.predictor.checkpoint import KEY, About, load_predictor, save_predictor
+from model.predictor.checkpoint import KEY, About, load_predictor, model_card, save_predictor
 from model.predictor.options import NetworkOptions
+from model.predictor.trained import SHIPPED
 
 OPTIONS = NetworkOptions(dim=8, layers=1, heads=2, codebook=False)
 
@@ -40,6 +41,23 @@ def test_what_is_saved_is_loaded(network, make_case, sample_of, tmp_path):
     card = path.with_suffix(".md").read_text()
     assert "rank right: 0.9" in card
     assert "seed: 3" in card
+
+
+def test_a_card_says_of_recorded_cases_that_they_are(network, tmp_path):
+    path = tmp_path / "p.safetensors"
+    save_predictor(path, network, about(data={"seed": None}, calibration={"parts": 1.0, "looks": 0.0}))
+    card = path.with_suffix(".md").read_text()
+    assert "not generated" in card
+    assert "no recording" not in card
+    assert "no truth of a held-out object is known" in card
+    assert "were multiplied" not in card
+
+
+def test_the_card_that_is_shipped_is_that_of_the_file():
+    known = load_predictor(SHIPPED)
+    weights = sum(value.numel() for value in known.network.state_dict().values())
+    card, shipped = model_card(known.about, weights), SHIPPED.with_suffix(".md").read_text()
+    assert sorted(card.splitlines()) == sorted(shipped.splitlines())  # entries of a file are sorted by name
 
 
 def test_equal_weights_and_words_give_equal_bytes(network, tmp_path):
