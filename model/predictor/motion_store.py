@@ -12,6 +12,7 @@ from jaxtyping import UInt8
 
 from model.crew import crew
 from model.encoders.motion import MotionEncoder
+from model.errors import InputError
 from model.formats.files import replacing
 from model.formats.npz import read_arrays
 from model.predictor.motion import describe_motion
@@ -87,11 +88,17 @@ def read_motion(path: Path, encoder: MotionEncoder) -> MotionFeatures:
     Raises:
         InputError: nothing is kept, or not in these terms.
     """
-    arrays = read_arrays(_place(path, encoder), ["points", "whole"])
-    return MotionFeatures(
-        np.array(arrays["points"], np.float32).reshape(-1, encoder.dim),
-        np.array(arrays["whole"], np.float32).reshape(encoder.global_dim),
-    )
+    kept = _place(path, encoder)
+    try:
+        arrays = read_arrays(kept, ["points", "whole"])
+        return MotionFeatures(
+            np.array(arrays["points"], np.float32).reshape(-1, encoder.dim),
+            np.array(arrays["whole"], np.float32).reshape(encoder.global_dim),
+        )
+    except (InputError, KeyError, ValueError):
+        raise InputError(
+            f"{kept}: expected the motion of {path.name}, found something else: delete it, it is made again"
+        ) from None
 
 
 def _filmed(case: Case) -> tuple[UInt8[Array, "T H W 3"], Camera]:

@@ -82,7 +82,7 @@ class TrainingCLI(LightningCLI):
 
         Raises:
             InputError: there is no such checkpoint, it is none, there is no network that was trained, or what
-                is exported cannot be written.
+                is logged, predicted or exported cannot be written.
         """
         epochs = self._get(self.config, "trainer.max_epochs")
         if epochs is not None and epochs < 0:
@@ -90,6 +90,8 @@ class TrainingCLI(LightningCLI):
                 f"trainer.max_epochs is {epochs}: expected 0 or more: the learning rate falls, and rollouts "
                 "grow, over a number of epochs that is known"
             )
+        if self.subcommand in ("fit", "predict"):
+            check_writable(Path(self._get(self.config, "out")) / "anything")
         export = self._get(self.config, "export") if self.subcommand == "fit" else None
         if export is not None:
             if Path(export).suffix != FILE:

@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,6 +101,16 @@ def test_motion_is_described_once_and_again_when_the_case_changes(make_case, tmp
     store_motion([path], Counting())
     assert Counting.asked == 2
     assert not np.array_equal(read_motion(path, Counting()).whole, first.whole)
+
+
+def test_motion_that_was_damaged_is_named_with_what_to_do(make_case, tmp_path):
+    path = tmp_path / "one.case.npz"
+    save_case(make_case(seed=1, frames=8), path)
+    store_motion([path], Counting())
+    (kept,) = (tmp_path / "motion").rglob("*.npz")
+    kept.write_bytes(b"nonsense")
+    with pytest.raises(InputError, match=f"{re.escape(str(kept))}: .* delete it"):
+        read_motion(path, Counting())
 
 
 def test_motion_of_the_frames_from_the_split_on_is_not_described(make_case, tmp_path):

@@ -14,6 +14,7 @@ from model.predictor.checkpoint import load_predictor
 from model.predictor.held_out import HeldOut
 from model.predictor.main import main
 from model.predictor.module import PredictorModule
+from model.predictor.trained import SHIPPED
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ABLATIONS = sorted(path.stem for path in CONFIGS.glob("without_*.yaml"))
@@ -229,6 +230,8 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
         (["fit", "--export=mine.bin"], "expected a file NAME.safetensors"),
         (["fit", f"--config={CONFIGS / 'videomae.yaml'}"], "set MATPHYS_VIDEOMAE"),
         (["validate", f"--ckpt_path={CONFIGS / 'quick.yaml'}"], "found another file"),
+        (["fit", f"--out={CONFIGS / 'quick.yaml'}"], "quick.yaml is not a folder"),
+        (["predict", f"--model.start={SHIPPED}", f"--out={CONFIGS / 'quick.yaml'}/in"], "is not a folder"),
         (["frobnicate"], "frobnicate"),
         ([], "subcommand"),
     ],
