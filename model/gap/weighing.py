@@ -14,6 +14,8 @@ from model.gap.verdict import Judged
 from model.schema import EffectName
 
 WEIGHTS = "weighing.json"
+IMPOSSIBLE = 1e-9
+"""What score tests believe no more of than this cannot act here, and is never the answer."""
 BUCKLES, SLACK = ("rope", "sheet"), "tension_only"
 """What is thin folds between the points of its twin. One that cannot, a rope's or one that was given, is too
 stiff against being pressed together: slack springs explain that, healthy or not."""
@@ -83,8 +85,8 @@ class Weighing:
         untried = [name for name in EFFECT_NAMES if name not in scores]
         whole = sum(account.screened[name] for name in untried)
         for name in untried:
-            share = account.screened[name] / whole if whole > 0.0 else 1.0 / len(untried)
-            scores[name] = self.effect + float(np.log(max(share * len(untried), 1e-9)))
+            share = account.screened[name] / whole if whole > IMPOSSIBLE else 0.0
+            scores[name] = self.effect + float(np.log(max(share * len(untried), IMPOSSIBLE)))
         off = float(np.clip((min(account.astray) - ASTRAY) / ASTRAY_STEP, *MOST_ASTRAY))
         return scores | {NONE: -self.left * beyond(account), UNKNOWN: self.unknown + self.astray * off}
 

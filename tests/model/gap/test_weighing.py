@@ -89,6 +89,15 @@ def test_these_share_what_is_left_to_them_as_score_tests_say():
     assert none_able.best == "wind"
 
 
+def test_what_cannot_act_is_never_the_answer():
+    """Where all that can was fitted, and does harm, those that cannot would be the likelier effects."""
+    able = {"wind": 0.6, "gravity_tilt": 0.4}
+    screened = dict.fromkeys(EFFECT_NAMES, 5e-12) | able
+    harm = dict.fromkeys(able, Explained(-1.0, -1.0, -1.0))
+    judged = WEIGHTS.judged(account(screened=screened, left=(usual("rope", 9.0),), **harm))
+    assert sum(judged.chances[name] for name in EFFECT_NAMES if name not in able) < 1e-6
+
+
 def test_what_the_twin_follows_in_no_recording_lacks_something_unknown():
     far = ASTRAY + 3.0 * ASTRAY_STEP
     assert odds(WEIGHTS.judged(account(astray=(far, far + 0.1))), "unknown") == pytest.approx(1.0)
