@@ -11,6 +11,7 @@ from safetensors import SafetensorError, deserialize
 from safetensors.numpy import save
 
 from model.errors import InputError
+from model.formats.shapes import Shape, check_shape
 from model.types import Array, Topology
 
 FLOATS: Mapping[str, str] = {"F32": "<f4", "F64": "<f8"}
@@ -18,7 +19,7 @@ INTEGERS: Mapping[str, str] = {"I32": "<i4", "I64": "<i8"}
 HEADER_LIMIT = 1 << 16
 BINDING_TOLERANCE = 1e-3
 
-REQUIRED: Mapping[str, tuple[Mapping[str, str], tuple[str | int, ...]]] = {
+REQUIRED: Mapping[str, tuple[Mapping[str, str], Shape]] = {
     "points": (FLOATS, ("N", 3)),
     "mass": (FLOATS, ("N",)),
     "springs": (INTEGERS, ("E", 2)),
@@ -28,7 +29,7 @@ REQUIRED: Mapping[str, tuple[Mapping[str, str], tuple[str | int, ...]]] = {
     "binding_index": (INTEGERS, ("G", "k")),
     "binding_weight": (FLOATS, ("G", "k")),
 }
-OPTIONAL: Mapping[str, tuple[Mapping[str, str], tuple[str | int, ...]]] = {
+OPTIONAL: Mapping[str, tuple[Mapping[str, str], Shape]] = {
     "controller_springs": (INTEGERS, ("S", 2)),
     "controller_rest_length": (FLOATS, ("S",)),
     "controller_stiffness": (FLOATS, ("S",)),
@@ -161,15 +162,7 @@ def _check_shapes(tensors: Tensors, where: str) -> None:
         if name == "controls" and 0 in found[:1]:
             tensors[name] = np.zeros((0, 0, 3), np.float32)
             continue
-        wanted = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in shape)
-        fits = len(found) == len(wanted) and all(
-            isinstance(want, str) or want == have for want, have in zip(wanted, found, strict=False)
-        )
-        if not fits:
-            raise InputError(f"{where}: {name}: expected shape {_say(wanted)}, found {_say(found)}")
-        for size, have in zip(shape, found, strict=True):
-            if isinstance(size, str):
-                sizes[size] = have
+        check_shape(name, found, shape, sizes, where)
     if sizes["N"] < 1 or sizes["k"] < 1:
         raise InputError(f"{where}: expected at least one point and one point per Gaussian, found none")
 
@@ -224,7 +217,3 @@ def _check_duplicates(name: str, pairs: Array, where: str) -> None:
     if (counts > 1).any():
         row = int(first[counts > 1].min())
         raise InputError(f"{where}: {name}[{row}]: expected every pair once, found it {counts.max()} times")
-
-
-def _say(shape: tuple[str | int, ...]) -> str:
-    return "[" + ", ".join(str(size) for size in shape) + "]"

@@ -5,11 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from model.errors import InputError
+from model.formats.shapes import Shape, check_shape
 from model.priors.materials import MATERIALS
 from model.types import Array, MaterialPrior
 from model.units import PROPERTY_UNITS
 
-SHAPES: Mapping[str, tuple[str | int, ...]] = {
+SHAPES: Mapping[str, Shape] = {
     "topology.points": ("P", 3),
     "topology.mass": ("P",),
     "topology.part": ("P",),
@@ -66,7 +67,7 @@ def check_arrays(arrays: Mapping[str, Array], parts: int, where: str) -> None:
     sizes = {"K": parts}
     for name, shape in SHAPES.items():
         if name in arrays:
-            _check_shape(name, arrays[name], shape, sizes, where)
+            check_shape(name, arrays[name].shape, shape, sizes, where)
             _check_numbers(name, arrays[name], where)
     if not sizes.get("P", 1):
         raise InputError(f"{where}: topology.points: expected at least one point, found none")
@@ -101,21 +102,6 @@ def check_prior(prior: MaterialPrior, where: str) -> None:
         raise InputError(
             f"{where}: priors: distribution: expected shares that sum to 1, found {share.sum():g}"
         )
-
-
-def _check_shape(
-    name: str, array: Array, shape: tuple[str | int, ...], sizes: dict[str, int], where: str
-) -> None:
-    if array.ndim == len(shape):
-        known = [side if isinstance(side, int) else sizes.get(side) for side in shape]
-        if all(size is None or size == length for size, length in zip(known, array.shape, strict=True)):
-            sizes |= {
-                side: length for side, length in zip(shape, array.shape, strict=True) if isinstance(side, str)
-            }
-            return
-    wanted = [sizes.get(side, side) if isinstance(side, str) else side for side in shape]
-    expected = ", ".join(str(side) for side in wanted)
-    raise InputError(f"{where}: {name}: expected shape [{expected}], found {list(array.shape)}")
 
 
 def _check_numbers(name: str, array: Array, where: str) -> None:

@@ -35,7 +35,7 @@ def held_places(
         Crystallographica A 32.
     """
     places = controllers.astype(np.float64)
-    hands, nearest = _holding(places[0], points, apart)
+    hands, nearest = holding(places[0], points, apart)
     carried = np.zeros((len(places), *points.shape))
     for hand in np.unique(nearest):
         own, mine = places[:, hands == hand], nearest == hand
@@ -45,17 +45,16 @@ def held_places(
 
 def holding(
     controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
-) -> Int64[Array, " H"]:
-    """Which hand holds each point, counted from 0: that of the nearest controller.
+) -> tuple[Int64[Array, " C"], Int64[Array, " H"]]:
+    """The hand that each controller belongs to, and the one that holds each point: that of the nearest.
 
     Args:
         controllers: In the first frame [m].
         points: Held points in the first frame [m].
         apart: As of `held_places`.
     """
-    nearest = _holding(controllers, points, apart)[1]
-    counted: Int64[Array, " H"] = np.unique(nearest, return_inverse=True)[1].astype(np.int64)
-    return counted
+    hands = hands_of(controllers, apart)
+    return hands, hands[cKDTree(controllers).query(points)[1]]
 
 
 def idle_hands(
@@ -68,16 +67,8 @@ def idle_hands(
         points: Held points in the first frame [m].
         apart: As of `held_places`.
     """
-    hands, busy = _holding(controllers, points, apart)
+    hands, busy = holding(controllers, points, apart)
     return [np.flatnonzero(hands == hand) for hand in np.setdiff1d(hands, busy)]
-
-
-def _holding(
-    controllers: Float64[Array, "C 3"], points: Float64[Array, "H 3"], apart: float
-) -> tuple[Int64[Array, " C"], Int64[Array, " H"]]:
-    """The hand that each controller belongs to, and the one that holds each point."""
-    hands = hands_of(controllers, apart)
-    return hands, hands[cKDTree(controllers).query(points)[1]]
 
 
 def hands_of(places: Float64[Array, "C 3"], apart: float) -> Int64[Array, " C"]:

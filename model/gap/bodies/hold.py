@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float, Float64, Int64
 from torch import Tensor
 
-from model.gap.bodies.grip import hands_of, holding
+from model.gap.bodies.grip import holding
 from model.types import Array
 
 
@@ -37,10 +37,9 @@ class Hold:
         offsets = points[:, None] - controllers[None]
         if not len(points):
             return cls(offsets, np.zeros(0, np.int64))
-        hand = hands_of(controllers, apart)
-        nearest = hand[np.square(offsets).sum(-1).argmin(1)]
-        offsets[nearest[:, None] != hand] = np.inf
-        return cls(offsets, holding(controllers, points, apart))
+        hands, nearest = holding(controllers, points, apart)
+        offsets[nearest[:, None] != hands] = np.inf
+        return cls(offsets, np.unique(nearest, return_inverse=True)[1].astype(np.int64))
 
     def square(self, moved: Float[Tensor, "*b n 3"] | None = None) -> Float[Tensor, "*b H"]:
         """Squared distance of each point from its hand [m²], less that of the point which is nearest to it.
@@ -55,10 +54,8 @@ class Hold:
             return torch.zeros(0, dtype=torch.float64)
         offsets = torch.from_numpy(self.offsets)
         if moved is not None:
-            offsets = offsets - moved.double()[..., self.hands, None, :]
+            offsets = offsets - moved[..., self.hands, None, :]
         square: Tensor = offsets.square().sum(-1).amin(-1)
-        for hand in np.unique(self.hands):
-            own = torch.from_numpy(self.hands == hand)
-            least = square[..., own].amin(-1, keepdim=True)
-            square = torch.where(own, square - least, square)
-        return square
+        hands = torch.from_numpy(self.hands).expand(square.shape)
+        nearest = square.new_full((*square.shape[:-1], int(self.hands.max()) + 1), torch.inf)
+        return square - nearest.scatter_reduce(-1, hands, square, "amin").gather(-1, hands)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.grip import held_places, holding, idle_hands
+from model.gap.bodies.grip import held_places, idle_hands
 
 APART = 0.05
 HAND = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.03, 0.0]])
@@ -64,14 +64,6 @@ def test_a_hand_that_opens_takes_what_is_near_each_finger_with_it():
     opened[1, 0] += 0.02
     found = held_places(np.stack([HAND, opened]), np.array([[0.03, 0.0, 0.0], [0.0, 0.0, 0.0]]), APART)
     np.testing.assert_allclose(found[1], opened[[1, 0]], atol=1.5e-3)
-
-
-def test_each_held_point_goes_with_the_nearest_hand():
-    """Hands are counted from 0, also where only one of them holds anything."""
-    far = np.array([1.0, 0.0, 0.0])
-    hands = np.concatenate([HAND, HAND + far])
-    assert holding(hands, np.concatenate([HELD, HELD + far]), APART).tolist() == [0, 0, 0, 1, 1, 1]
-    assert holding(hands, HELD + far, APART).tolist() == [0, 0, 0]
 
 
 def test_a_hand_that_holds_nothing_is_idle():

@@ -4,6 +4,7 @@ import torch
 from model.gap.bodies.hold import Hold
 
 HAND = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0], [0.0, 0.03, 0.0]])
+HELD = np.array([[0.01, 0.01, 0.0], [0.02, -0.01, 0.01], [0.0, 0.04, -0.02]])
 APART = 0.1
 FAR = np.array([1.0, 0.0, 0.0])
 
@@ -20,6 +21,13 @@ def test_each_hand_holds_what_is_nearest_to_it_fully():
     hold = Hold.of(np.stack([np.zeros(3), FAR]), held, APART)
     np.testing.assert_allclose(hold.square(), [0.0, 9e-6, 0.0], atol=1e-15)
     np.testing.assert_array_equal(hold.hands, [0, 0, 1])
+
+
+def test_each_held_point_goes_with_the_nearest_hand():
+    """Hands are counted from 0, also where only one of them holds anything."""
+    hands = np.concatenate([HAND, HAND + FAR])
+    assert Hold.of(hands, np.concatenate([HELD, HELD + FAR]), APART).hands.tolist() == [0, 0, 0, 1, 1, 1]
+    assert Hold.of(hands, HELD + FAR, APART).hands.tolist() == [0, 0, 0]
 
 
 def test_what_nobody_holds_is_at_no_distance():
