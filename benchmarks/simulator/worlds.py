@@ -21,7 +21,7 @@ from model.simulator.simulator import Simulator
 from model.simulator.system import State
 
 SIZES = ((200, 700), (500, 5_000), (2_000, 20_000), (8_000, 120_000))
-WORLDS = (2, 4, 5, 8, 9, 10, 12, 16)
+WORLDS = (2, 4, 5, 8, 9, 12, 16, 17, 24, 32)
 DT, BUDGET = 5e-5, 400_000
 """A substep [s], and about how many springs a run computes in each world."""
 
@@ -31,7 +31,7 @@ def run_of(simulator: Simulator, worlds: int, steps: int, beside: bool) -> Run:
     stiffness = simulator.force("spring").value("stiffness").detach()
     factors = torch.linspace(0.5, 1.5, worlds).unsqueeze(1)
     many = simulator.with_force(type(simulator.force("spring"))(factors * stiffness))
-    with torch.no_grad(), patch.object(kernel, "pays", lambda worlds, springs: beside):
+    with torch.no_grad(), patch.object(kernel, "pays", lambda worlds, springs, lanes: beside):
         start, hands = many.rest_state(), many.system.controller_points
         runner = Kernel(many.dynamics(), many.integrator, torch.Size([worlds]))
         places = State(*(value.expand(worlds, -1, -1) for value in (start.positions, start.velocities)))

@@ -22,8 +22,8 @@ STEPS = (0.08, 0.02)
 """Of a coordinate, for a difference: wider at first, to look across the kinks of contacts, then fine."""
 SPARE = 1.3
 """Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
-WIDEST = 16
-"""Worlds that are rolled out at once; more would only take memory."""
+WIDEST = 32
+"""Worlds that are rolled out at once, two vectors of a wide processor full: more would only take memory."""
 STEADY: Mapping[str, int] = {HAND: 4, HOLD: 2, "residual_": 2}
 """How quantities begin whose slopes are kept from step to step, and in how many: then, and where a fit ends,
 they are looked at anew. Where a hand is, and where it holds the body, moves that much the same, whatever

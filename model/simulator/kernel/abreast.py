@@ -1,7 +1,7 @@
-"""Frames of many worlds of one graph, eight of them abreast in every vector of the processor.
+"""Frames of many worlds of one graph, as many of them abreast as a vector of the processor has numbers.
 
-One world at a time, the ends of eight springs are gathered from anywhere and turned into vectors. Of eight
-worlds each number has the other seven beside it.
+One world at a time, the ends of eight springs are gathered from anywhere and turned into vectors. Of worlds
+abreast each number has those of the others beside it.
 """
 
 import ctypes
@@ -15,13 +15,12 @@ from torch import Tensor
 
 from model.simulator.edges import Edges
 from model.simulator.kernel.call import Buffers, Call, Frame, Interval
-from model.simulator.kernel.layout import LANES
 from model.simulator.kernel.terms import Terms
 
-FULL, FULLER = 0.55, 0.7
-"""Shares of the lanes that must have a world of their own for it to pay (`benchmarks/simulator/worlds.py`).
+FULL: Mapping[int, tuple[float, float]] = {8: (0.55, 0.7), 16: (0.3, 0.55)}
+"""Shares of so many lanes that must have a world each for it to pay (`benchmarks/simulator/worlds.py`).
 
-The second in graphs of more than `FEW` springs: near caches do not hold what eight worlds know of so many.
+The second in graphs of more than `FEW` springs: near caches do not hold what all lanes know of so many.
 """
 FEW = 3_000
 AXES, STATE = 3, 6
@@ -39,10 +38,12 @@ class Pairs:
     """[S, 2] points, and controllers as they follow the points."""
     corners: tuple[Tensor, ...]
     """[k, size] points of each law of stencils."""
+    lanes: int
+    """Worlds that are abreast."""
     shares = 1
 
     @classmethod
-    def of(cls, edges: Edges, stencils: Sequence[Tensor]) -> "Pairs":
+    def of(cls, edges: Edges, stencils: Sequence[Tensor], lanes: int) -> "Pairs":
         """Of a graph and its stencils."""
         ends = torch.stack([edges.first, edges.second], 1).int()
         springs = edges.spring_count
@@ -52,13 +53,14 @@ class Pairs:
             ends[:springs].contiguous(),
             ends[springs:].contiguous(),
             tuple(each.int().contiguous() for each in stencils),
+            lanes,
         )
 
     @cached_property
     def frame(self) -> Frame:
         """A frame with all of it, to be copied; what its pointers lead to lives as long as this."""
         frame = Frame()
-        frame.worlds, frame.controllers = LANES, self.controllers
+        frame.worlds, frame.controllers = self.lanes, self.controllers
         frame.slices = frame.points = self.points
         frame.spring_rows, frame.controller_rows = len(self.springs), len(self.held)
         frame.spring_offset, frame.controller_offset = self.springs.data_ptr(), self.held.data_ptr()
@@ -73,12 +75,19 @@ class Pairs:
         return (ctypes.c_int64 * size)(*counts), (ctypes.c_void_p * size)(*places)
 
 
-def pays(worlds: int, springs: int) -> bool:
+def lanes_of(library: ctypes.CDLL) -> int:
+    """How many worlds a kernel moves abreast."""
+    lanes: int = library.lanes()
+    return lanes
+
+
+def pays(worlds: int, springs: int, lanes: int) -> bool:
     """Whether so many of so many springs are faster abreast than one after the other.
 
     On one thread: with more it might be otherwise, but results must not depend on how many there are.
     """
-    return worlds >= (FULL if springs <= FEW else FULLER) * _lanes(worlds).numel()
+    few, many = FULL[lanes]
+    return worlds >= (few if springs <= FEW else many) * _lanes(worlds, lanes).numel()
 
 
 class Abreast:
@@ -96,22 +105,24 @@ class Abreast:
     ) -> None:
         """See the class."""
         self.interval, self._worlds = interval, terms.count
-        self._lanes = _lanes(terms.count)
-        self._pairs = pairs = Pairs.of(terms.dynamics.system.edges, [s.stencils for s in terms.stencils])
+        lanes = lanes_of(library)
+        self._lanes = _lanes(terms.count, lanes)
+        stencils = [s.stencils for s in terms.stencils]
+        self._pairs = pairs = Pairs.of(terms.dynamics.system.edges, stencils, lanes)
         groups, like = len(self._lanes), terms.dynamics.mass
         single = {name: self._beside(value) for name, value in given.items()}
         if terms.scenes:
             most = max(len(value) for value in terms.scenes)
             single["scene"] = self._beside(torch.cat([value.expand(most, -1) for value in terms.scenes], -1))
-        self._rows = like.new_zeros(groups, pairs.points + pairs.controllers, STATE, LANES)
+        self._rows = like.new_zeros(groups, pairs.points + pairs.controllers, STATE, lanes)
         self._held = {
-            name: like.new_zeros(groups, pairs.controllers, AXES, LANES) for name in ("before", "after")
+            name: like.new_zeros(groups, pairs.controllers, AXES, lanes) for name in ("before", "after")
         }
         sizes = {"springs": len(pairs.springs), "controllers": len(pairs.held)}
-        self._memories = [like.new_zeros(groups, sizes[kind], LANES) for kind in terms.memory_kinds]
+        self._memories = [like.new_zeros(groups, sizes[kind], lanes) for kind in terms.memory_kinds]
         single |= {
             "rows": self._rows,
-            "sums": like.new_zeros(groups, pairs.points, AXES, LANES),
+            "sums": like.new_zeros(groups, pairs.points, AXES, lanes),
             **self._held,
         }
         lists: dict[str, Sequence[Tensor | None]] = {
@@ -145,19 +156,19 @@ class Abreast:
         return [after[..., :AXES].contiguous(), after[..., AXES:].contiguous(), *remembered]
 
     def _beside(self, value: Tensor) -> Tensor:
-        """[B, n] as [groups, n, 8], or [1, n], which all share, as [1, n, 8]."""
+        """[B, n] as [groups, n, lanes], or [1, n], which all share, as [1, n, lanes]."""
         value = value.detach()
         if len(value) == 1:
-            return value.unsqueeze(-1).expand(-1, -1, LANES).contiguous()
+            return value.unsqueeze(-1).expand(-1, -1, self._pairs.lanes).contiguous()
         return value[self._lanes].transpose(1, 2).contiguous()
 
     def _one_by_one(self, room: Tensor) -> Tensor:
-        """[groups, …, 8] as [B, …]."""
+        """[groups, …, lanes] as [B, …]."""
         return room.movedim(-1, 1).flatten(0, 1)[: self._worlds]
 
 
 @lru_cache(maxsize=16)
-def _lanes(worlds: int) -> Tensor:
-    """[groups, 8]: which world each lane has; lanes that are left over have the last one again."""
-    groups = -(-worlds // LANES)
-    return torch.from_numpy(np.minimum(np.arange(groups * LANES), worlds - 1).reshape(groups, LANES))
+def _lanes(worlds: int, lanes: int) -> Tensor:
+    """[groups, lanes]: which world each lane has; lanes that are left over have the last one again."""
+    groups = -(-worlds // lanes)
+    return torch.from_numpy(np.minimum(np.arange(groups * lanes), worlds - 1).reshape(groups, lanes))

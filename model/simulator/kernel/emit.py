@@ -6,6 +6,7 @@ from pathlib import Path
 
 import torch
 
+from model.simulator.kernel import layout
 from model.simulator.kernel.corners import Corners
 from model.simulator.kernel.expression import Expression
 from model.simulator.kernel.groups import KINDS, Group, Kind, key
@@ -14,21 +15,42 @@ from model.simulator.kernel.text import Statements
 TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t")}
 """The number a kernel computes with, and the whole number of its size."""
 ENGINE = Path(__file__).with_name("engine")
-BEFORE = ("vectors", "rows", "frame", "edges")
-AFTER = ("stencils", "team", "meet", "forward", "backward", "abreast")
-"""Files of the engine before and after the traced laws."""
+ONE_BY_ONE = (
+    ("vectors", "rows", "frame", "edge", "edges"),
+    (
+        "land",
+        "stencils",
+        "team",
+        "meet",
+        "forward",
+        "backward",
+    ),
+)
+SIDE_BY_SIDE = ("vectors", "frame", "edge"), ("land", "abreast")
+"""Files of the engine before and after the traced laws: for worlds one by one, and for many side by side."""
+LANES = {
+    False: [f"#define LANES {layout.LANES}"],
+    True: ["#if SINGLE && defined(__AVX512F__)", "#define LANES 16", "#else", "#define LANES 8", "#endif"],
+}
+"""How many numbers a vector has: as many as a row, or for worlds side by side as the processor likes."""
 
 
 def kernel_source(
-    groups: Mapping[Kind, Group], corners: Sequence[Corners], ground: bool, dtype: torch.dtype
+    groups: Mapping[Kind, Group],
+    corners: Sequence[Corners],
+    ground: bool,
+    dtype: torch.dtype,
+    *,
+    abreast: bool = False,
 ) -> str:
-    """A whole substep and its adjoint.
+    """A whole substep and its adjoint, or a whole substep of many worlds at once.
 
     Args:
         groups: What pulls the springs and the controller springs, where anything does.
         corners: What acts on small groups of points.
         ground: Whether there is a ground.
         dtype: float32 or float64.
+        abreast: Of many worlds, side by side, and without an adjoint.
     """
     number, whole = TYPES[dtype]
     head = [
@@ -39,6 +61,7 @@ def kernel_source(
         f"#define GROUND {int(ground)}",
         *(f"#define {kind.upper()} {int(kind in groups)}" for kind in KINDS),
         f"#define STENCILS {len(corners)}",
+        *LANES[abreast],
         "",
     ]
     laws, counts = list[str](), (0, 0, 0)
@@ -52,7 +75,8 @@ def kernel_source(
         laws.append(text)
     calls = " ".join(f"{{ Stencil{index} law(f); go(law, {index}); }}" for index in range(len(corners)))
     laws.append(f"template <class Do> INLINE void each_stencil(const Frame &f, Do go) {{ {calls} }}\n")
-    before, after = ([(ENGINE / f"{name}.cpp").read_text() for name in names] for names in (BEFORE, AFTER))
+    parts = SIDE_BY_SIDE if abreast else ONE_BY_ONE
+    before, after = ([(ENGINE / f"{name}.cpp").read_text() for name in names] for names in parts)
     return "\n".join([*head, *before, *laws, *after])
 
 

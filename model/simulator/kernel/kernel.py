@@ -9,7 +9,7 @@ from torch import Tensor
 from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.dynamics import Dynamics
 from model.simulator.integrators.base import Integrator
-from model.simulator.kernel.abreast import Abreast, pays
+from model.simulator.kernel.abreast import Abreast, lanes_of, pays
 from model.simulator.kernel.build import CannotBuild, load
 from model.simulator.kernel.call import Buffers, Interval
 from model.simulator.kernel.emit import TYPES, kernel_source
@@ -52,7 +52,9 @@ class Kernel:
             raise Inexpressible(f"it does not compute in {dtype} on {device}")
         self._terms = terms = Terms(dynamics, integrator, batch)
         try:
-            library = load(kernel_source(terms.groups, terms.corners, terms.ground, dtype))
+            written = terms.groups, terms.corners, terms.ground, dtype
+            library = load(kernel_source(*written))
+            self._abreast = load(kernel_source(*written, abreast=True)) if terms.count > 1 else None
         except CannotBuild as error:
             raise Inexpressible(str(error)) from error
         edges = dynamics.system.edges
@@ -144,9 +146,9 @@ class Kernel:
 
     def _made(self, interval: Interval, given: Mapping[str, Tensor], values: Buffers) -> Repeated | Abreast:
         terms, program = self._terms, self._program
-        springs = terms.dynamics.system.edges.spring_count
-        if pays(terms.count, springs) and not self._meeting:
-            return Abreast(program.library, terms, interval, given)
+        springs, abreast = terms.dynamics.system.edges.spring_count, self._abreast
+        if abreast is not None and not self._meeting and pays(terms.count, springs, lanes_of(abreast)):
+            return Abreast(abreast, terms, interval, given)
         whole = Buffers({**values.single, **self._meeting}, values.lists)
         return Repeated(program, interval, whole, terms.count, terms.dynamics.mass)
 

@@ -1,9 +1,11 @@
-// Eight worlds of one graph abreast: each vector has a number of each of them, so that nothing is gathered or turned.
+// As many worlds of one graph abreast as a vector has numbers, so that nothing is gathered or turned.
 //
 // Of a frame, whatever there is one of per edge, stencil, point or scene is a vector here. A state is six of them for
 // each point, then for each controller; `spring_offset` and `controller_offset` are pairs of nodes, `corners` the points
 // of each stencil.
-enum { STATE = 6 * W, PULL = 3 * W, AT_ONCE = SINGLE ? 3 : 2 };
+enum { STATE = 6 * W, PULL = 3 * W, AT_ONCE = SINGLE ? 3 : 2, SEVERAL = 2 };
+
+extern "C" int lanes() { return W; }
 
 INLINE void look(const R *rows, int32_t node, V at[8]) {
   for (int k = 0; k < 6; ++k) at[k] = load(rows + STATE * int64_t(node) + W * k);
@@ -13,19 +15,41 @@ INLINE void pull_node(R *pulls, int32_t node, const V force[3], R sign) {
   for (int k = 0; k < 3; ++k) accumulate(pulls + PULL * int64_t(node) + W * k, sign * force[k]);
 }
 
-// `both`: the second ends are points, too.
+// Each is looked at before any pulls, so that several are under way at once: the processor's queues are too short to
+// look so far ahead. They pull in the same order as one by one.
+template <int count, bool both, class Law>
+INLINE void pull_some(const Law &law, int64_t slot, const int32_t *ends, const R *rows, R *pulls, const V me[8],
+                      V mine[3]) {
+  V force[count][3];
+#pragma GCC unroll 8
+  for (int i = 0; i < count; ++i) {
+    V other[8];
+    look(rows, ends[2 * (slot + i) + 1], other);
+    const Edge e = edge(between(me, other), law.rest(slot + i));
+    const V scaled = law.tension(slot + i, e.length, e.rate) * e.inverse;
+    for (int k = 0; k < 3; ++k) force[i][k] = scaled * e.d[k];
+  }
+#pragma GCC unroll 8
+  for (int i = 0; i < count; ++i) {
+    for (int k = 0; k < 3; ++k) mine[k] += force[i][k];
+    if (both) pull_node(pulls, ends[2 * (slot + i) + 1], force[i], -1);
+  }
+}
+
+// `both`: the second ends are points, too. What a point knows and bears stays at hand while edges that begin at it
+// follow each other.
 template <bool both, class Law>
 INLINE void pull_abreast(const Law &law, int64_t edges, const int32_t *ends, const R *rows, R *pulls) {
-  for (int64_t slot = 0; slot < edges; ++slot) {
-    const int32_t first = ends[2 * slot], second = ends[2 * slot + 1];
-    V me[8], other[8];
+  for (int64_t slot = 0, last; slot < edges;) {
+    const int32_t first = ends[2 * slot];
+    R *const borne = pulls + PULL * int64_t(first);
+    for (last = slot + 1; last < edges && ends[2 * last] == first;) ++last;
+    V me[8], mine[3];
     look(rows, first, me);
-    look(rows, second, other);
-    const Edge e = edge(between(me, other), law.rest(slot));
-    const V scaled = law.tension(slot, e.length, e.rate) * e.inverse;
-    const V force[3] = {scaled * e.d[0], scaled * e.d[1], scaled * e.d[2]};
-    pull_node(pulls, first, force, 1);
-    if (both) pull_node(pulls, second, force, -1);
+    for (int k = 0; k < 3; ++k) mine[k] = load(borne + W * k);
+    for (; slot + SEVERAL <= last; slot += SEVERAL) pull_some<SEVERAL, both>(law, slot, ends, rows, pulls, me, mine);
+    for (; slot < last; ++slot) pull_some<1, both>(law, slot, ends, rows, pulls, me, mine);
+    for (int k = 0; k < 3; ++k) store(borne + W * k, mine[k]);
   }
 }
 

@@ -1,7 +1,21 @@
-// Rows of points, turned into vectors and back.
+// Rows of points, eight of which are turned into vectors and back.
 //
 // A state is a row of eight, [x y z vx vy vz approach kept]; what pulls at a point is a row of four. `at` says
 // where the row of each lane begins; rows of four begin half as far.
+typedef R H __attribute__((vector_size(SHORT * sizeof(R))));
+typedef R UH __attribute__((vector_size(SHORT * sizeof(R)), aligned(sizeof(R)), may_alias));
+
+#define PICK(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#define LOW(a, b) PICK(a, b, 0, 8, 1, 9, 4, 12, 5, 13)
+#define HIGH(a, b) PICK(a, b, 2, 10, 3, 11, 6, 14, 7, 15)
+#define EVEN(a, b) PICK(a, b, 0, 1, 8, 9, 4, 5, 12, 13)
+#define ODD(a, b) PICK(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
+#define FRONT(a, b) PICK(a, b, 0, 1, 2, 3, 8, 9, 10, 11)
+#define BACK(a, b) PICK(a, b, 4, 5, 6, 7, 12, 13, 14, 15)
+INLINE H front(V a) { return PICK(a, a, 0, 1, 2, 3); }
+INLINE H back(V a) { return PICK(a, a, 4, 5, 6, 7); }
+INLINE V join(H a, H b) { return PICK(a, b, 0, 1, 2, 3, 4, 5, 6, 7); }
+
 static const int32_t NEXT[W] = {0, ROW, 2 * ROW, 3 * ROW, 4 * ROW, 5 * ROW, 6 * ROW, 7 * ROW};
 
 template <class Number>

@@ -11,7 +11,7 @@ from model.simulator.contacts.ground import Ground
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.bending_damping import BendingDamping
 from model.simulator.forces.gravity import Gravity
-from model.simulator.kernel import abreast, kernel
+from model.simulator.kernel import abreast, emit, kernel
 from model.simulator.kernel.abreast import Abreast, pays
 from model.simulator.kernel.call import Interval
 from model.simulator.kernel.kernel import Kernel
@@ -19,8 +19,8 @@ from model.simulator.kernel.program import Repeated
 from model.simulator.kernel.threads import kernel_threads
 from model.simulator.system import State
 
-WORLDS, SPRINGS = 11, 260
-"""One group of eight, and one that is not full."""
+WORLDS, SPRINGS = 19, 260
+"""A full group of eight or sixteen, and one that is not full."""
 EXACT = {torch.float64: 1e-12, torch.float32: 2e-5}
 
 
@@ -33,7 +33,7 @@ def rolled(made, backend, **options):
 
 @pytest.fixture
 def worlds(scene):
-    """Scenes of eleven worlds, each with springs, dashpots and bending of its own."""
+    """Scenes of nineteen worlds, each with springs, dashpots and bending of its own."""
 
     def build(dtype=torch.float64, **options):
         rng = np.random.default_rng(2)
@@ -118,7 +118,7 @@ def test_they_remember_each_for_itself(worlds, apart):
 def test_a_few_are_run_one_after_the_other(worlds, apart, monkeypatch):
     made = worlds()
     side_by_side = rolled(made, "kernel")
-    monkeypatch.setattr(kernel, "pays", lambda worlds, springs: False)
+    monkeypatch.setattr(kernel, "pays", lambda worlds, springs, lanes: False)
     one_by_one = rolled(made, "kernel")
     assert not torch.equal(one_by_one.points, side_by_side.points), "the same sums in the same order"
     assert apart(side_by_side.points, one_by_one.points) < 1e-12
@@ -126,7 +126,7 @@ def test_a_few_are_run_one_after_the_other(worlds, apart, monkeypatch):
 
 @pytest.mark.parametrize(("beside", "kind"), [(True, Abreast), (False, Repeated)])
 def test_what_is_lost_in_one_stays_in_it(worlds, monkeypatch, beside, kind):
-    monkeypatch.setattr(kernel, "pays", lambda worlds, springs: beside)
+    monkeypatch.setattr(kernel, "pays", lambda worlds, springs, lanes: beside)
     made = worlds()
     with torch.no_grad():
         dynamics = made.simulator.dynamics()
@@ -167,28 +167,39 @@ def test_threads_change_nothing(worlds):
     assert torch.equal(runs[0], runs[2])
 
 
+def test_how_many_are_abreast_changes_nothing(worlds, monkeypatch):
+    runs = []
+    for lanes in (8, 16):
+        monkeypatch.setitem(emit.LANES, True, [f"#define LANES {lanes}"])
+        runs.append(rolled(worlds(), "kernel").points)
+    assert torch.equal(*runs)
+
+
 @pytest.mark.parametrize(
-    ("worlds", "few", "many"),
+    ("lanes", "worlds", "few", "many"),
     [
-        (1, False, False),
-        (4, False, False),
-        (5, True, False),
-        (6, True, True),
-        (9, True, False),
-        (10, True, False),
-        (12, True, True),
-        (17, True, True),
+        (8, 1, False, False),
+        (8, 4, False, False),
+        (8, 5, True, False),
+        (8, 6, True, True),
+        (8, 9, True, False),
+        (8, 12, True, True),
+        (16, 4, False, False),
+        (16, 5, True, False),
+        (16, 9, True, True),
+        (16, 17, True, False),
+        (16, 18, True, True),
     ],
 )
-def test_lanes_without_a_world_of_their_own_do_not_pay(worlds, few, many):
-    assert pays(worlds, 700) == few
-    assert pays(worlds, 20_000) == many
+def test_lanes_without_a_world_of_their_own_do_not_pay(lanes, worlds, few, many):
+    assert pays(worlds, 700, lanes) == few
+    assert pays(worlds, 20_000, lanes) == many
 
 
 @pytest.mark.parametrize(("fewest", "kind"), [(SPRINGS, Abreast), (SPRINGS - 1, Repeated)])
 def test_how_many_pay_is_asked_of_the_graph_that_is_run(worlds, monkeypatch, fewest, kind):
     monkeypatch.setattr(abreast, "FEW", fewest)
-    monkeypatch.setattr(abreast, "FULLER", 2.0)
+    monkeypatch.setattr(abreast, "FULL", {8: (0.3, 2.0), 16: (0.3, 2.0)})
     made = worlds()
     with torch.no_grad():
         runner = Kernel(made.simulator.dynamics(), made.simulator.integrator, torch.Size([WORLDS]))
