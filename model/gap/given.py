@@ -19,6 +19,7 @@ from model.gap.by_graph import by_graph
 from model.gap.graph import Graph
 from model.gap.plain import Matter, PlainTwin
 from model.gap.registration import onto_twin
+from model.gap.same_hand import led
 from model.observation_doubts import hangs
 from model.schema import EffectRecord
 from model.types import Array, Observation
@@ -31,10 +32,10 @@ CORNERS = 8
 """An observed point is between this many mass points."""
 DISTANCE = 1e-2
 """What a weight on a point one spacing away costs, over what being a spacing off costs."""
+NOTHING: Int64[Array, "0 2"] = np.zeros((0, 2), np.int64)
+"""What a hand holds of which it is not known yet."""
 GROUND, GRAVITY = 0.01, 0.02
 """How far [m], and by what share, ground and gravity of a recording may differ from the twin's unsaid."""
-SAME_HAND = 2.0
-"""Spacings: controllers that start this near to the twin's are the twin's."""
 
 
 def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -> PlainTwin:
@@ -68,10 +69,11 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
             by_graph(thinned(record, became, len(graph.points)), fine, graph) for record in bundle.effects
         )
     body = _body(graph, fine, observation)
-    if _same_hand(graph, observation):
-        matter = _held(_matter(graph, bundle, Matter.guessed(body, observation)), graph)
-        twin = PlainTwin.of(body, observation, matter)
-        return replace(twin, carried=carried)
+    controls = led(graph, bundle.controls, observation)
+    if controls is not None:
+        guessed = Matter.guessed(replace(body, grip=NOTHING), observation)
+        twin = PlainTwin.of(body, observation, _held(_matter(graph, bundle, guessed), graph))
+        return replace(twin, controls=controls, carried=carried)
     near = grip_of(body.points, observation.controllers[0].astype(np.float64), body.grasp)
     if not len(near):
         _let_go(body, observation)
@@ -158,14 +160,6 @@ def _held(matter: Matter, graph: Graph) -> Matter:
         grip_length=graph.grip_length,
         hold=None,
     )
-
-
-def _same_hand(graph: Graph, observation: Observation) -> bool:
-    """Whether the hand is where the twin's is, so that it holds what the twin's holds."""
-    hand, own = observation.controllers[0].astype(np.float64), graph.controllers
-    if not len(graph.grip) or hand.shape != own.shape:
-        return False
-    return bool(np.linalg.norm(hand - own, axis=1).max() <= SAME_HAND * graph.spacing)
 
 
 def _let_go(body: Body, observation: Observation) -> None:

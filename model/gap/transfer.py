@@ -259,6 +259,8 @@ def _held_alike(
     hand, own = after.controllers[0].astype(np.float64), before.controllers[0].astype(np.float64)
     if not twin.hand_known or hand.shape != own.shape or not len(twin.body.grip):
         return None
+    if len(own) != twin.controls.shape[1]:
+        return None  # its controllers only go with those of the recording, and nobody sees them here
     apart = np.linalg.norm(hand[twin.body.grip[:, 0]] - points[twin.body.grip[:, 1]], axis=1)
     first = np.linalg.norm(own[twin.body.grip[:, 0]] - twin.body.points[twin.body.grip[:, 1]], axis=1)
     if np.abs(apart - first).max() > SAME_HAND * twin.body.grasp:

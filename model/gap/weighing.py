@@ -10,6 +10,7 @@ import numpy as np
 from model.gap.account import Account
 from model.gap.classifier import NONE, UNKNOWN
 from model.gap.schema import EFFECT_NAMES, VerdictName
+from model.gap.slowly import BLOCKS
 from model.gap.verdict import Judged
 from model.schema import EffectName
 
@@ -24,6 +25,12 @@ HEALTHY = {"rope": (1.0, 0.8), "sheet": (1.9, 1.2), "solid": (1.4, 1.0)}
 missing, of development worlds (`python -m benchmarks.gap.healthy`): no lattice is the world."""
 MOST_BEYOND = (-1.0, 2.5)
 """Standard deviations that what is left counts at most as fewer or more."""
+TILT: EffectName = "gravity_tilt"
+WIND: EffectName = "wind"
+SIMPLER = 0.5 * float(np.log(2 * BLOCKS))
+"""Nats by which a tilt is likelier than a wind that explains as much, if both were fitted; together they are
+believed as much as without. A wind that is strong and pulls little pushes alike everywhere and at all times,
+which a tilt does with a quantity less: half the logarithm of the blocks of time of two recordings."""
 ASTRAY, ASTRAY_STEP, MOST_ASTRAY = 0.04, 0.01, (-4.0, 8.0)
 """Share of the object's size from which it counts that free runs are off, in which steps, within limits."""
 
@@ -35,7 +42,8 @@ class Weighing:
     An effect that explains nothing has the score `effect`, as have those that were not worth a fit.
 
     Reference:
-        McFadden (1974), Conditional logit analysis of qualitative choice behavior, Frontiers in Econometrics.
+        McFadden (1974), Conditional logit analysis of qualitative choice behavior, Frontiers in Econometrics;
+        Schwarz (1978), Estimating the dimension of a model, Annals of Statistics 6, of a wind and a tilt.
     """
 
     effect: float
@@ -75,6 +83,11 @@ class Weighing:
         scores = self.scores(account)
         most = max(scores.values())
         chances = {name: float(np.exp(score - most)) for name, score in scores.items()}
+        if {TILT, WIND} <= set(account.told):
+            both = chances[TILT] + chances[WIND]
+            chances[TILT] *= float(np.exp(SIMPLER))
+            share = both / max(chances[TILT] + chances[WIND], IMPOSSIBLE)
+            chances |= {name: share * chances[name] for name in (TILT, WIND)}
         total = sum(chances.values())
         return Judged({name: chance / total for name, chance in chances.items()})
 

@@ -7,7 +7,7 @@ import pytest
 
 from model.gap.account import Account, Explained
 from model.gap.schema import EFFECT_NAMES
-from model.gap.weighing import ASTRAY, ASTRAY_STEP, HEALTHY, MOST_ASTRAY, MOST_BEYOND, Weighing
+from model.gap.weighing import ASTRAY, ASTRAY_STEP, HEALTHY, MOST_ASTRAY, MOST_BEYOND, SIMPLER, Weighing
 
 WEIGHTS = Weighing(
     effect=-5.0,
@@ -54,6 +54,25 @@ def test_what_does_harm_elsewhere_is_not_what_is_missing():
     helps, harms = Explained(1.0, 1.0, 0.2), Explained(1.0, 1.0, -0.2)
     judged = WEIGHTS.judged(account(wind=helps, damage=harms))
     assert odds(judged, "wind", "damage") == pytest.approx(4.0 * 0.4 + 5.0 * 0.2)
+
+
+def test_a_tilt_is_likelier_than_a_wind_that_explains_as_much():
+    """A wind can do what a tilt does, with a quantity more; together they are believed as they were."""
+    same = Explained(1.0, 0.5, 0.25)
+    alone = WEIGHTS.judged(account(damage=same))
+    judged = WEIGHTS.judged(account(wind=same, gravity_tilt=same, damage=same))
+    assert odds(judged, "gravity_tilt", "wind") == pytest.approx(SIMPLER)
+    assert SIMPLER == pytest.approx(0.5 * np.log(16))
+    both = judged.chances["wind"] + judged.chances["gravity_tilt"]
+    assert both == pytest.approx(2.0 * judged.chances["damage"])
+    assert odds(judged, "damage") == pytest.approx(odds(alone, "damage"))
+    blows = WEIGHTS.judged(account(wind=Explained(2.0, 1.0, 0.5), gravity_tilt=same))
+    assert blows.best == "wind"
+
+
+def test_a_tilt_that_was_not_fitted_takes_nothing_from_a_wind():
+    judged = WEIGHTS.judged(account(wind=Explained(1.0)))
+    assert odds(judged, "wind", "gravity_tilt") == pytest.approx(3.0)
 
 
 def test_sheets_have_to_explain_more():
