@@ -69,7 +69,7 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
             by_graph(thinned(record, became, len(graph.points)), fine, graph) for record in bundle.effects
         )
     body = _body(graph, fine, observation)
-    controls = led(graph, bundle.controls, observation)
+    controls = led(graph, body.grasp, bundle.controls, observation)
     if controls is not None:
         guessed = Matter.guessed(replace(body, grip=NOTHING), observation)
         twin = PlainTwin.of(body, observation, _held(_matter(graph, bundle, guessed), graph))

@@ -12,16 +12,16 @@ from model.types import Array, Observation
 
 SAME_HAND = 2.0
 """Spacings: controllers that start this near to the twin's are the twin's."""
-NEAR, FAR = 1.0, 2.5
-"""Spacings: controllers of a twin go with others that each start this near to one of them, and all that start
-this near to one of the others."""
+FAR, NEAR = 2.0, 1.0
+"""Grasps: controllers of a twin go with others where none of either is farther than the first from all of the
+other, and none of the others than the second: so far from where it is led a hand holds something else."""
 RECORDED = 0.025
 """A twin's own recorded motion is of this recording if it is nowhere farther [m] from where the hand leads: a
 diagnosis may have found the hand a centimetre elsewhere along each axis."""
 
 
 def led(
-    graph: Graph, recorded: Float[Array, "T C 3"] | None, observation: Observation
+    graph: Graph, grasp: float, recorded: Float[Array, "T C 3"] | None, observation: Observation
 ) -> Float64[Array, "F C 3"] | None:
     """Where the controllers of a twin are in each frame of a recording [m]; None: another hand holds it.
 
@@ -30,6 +30,7 @@ def led(
 
     Args:
         graph: Of the twin.
+        grasp: How much of it a hand holds at once [m].
         recorded: Motion that the twin came with [m]; None: it has none.
         observation: As it lies on the twin.
     """
@@ -38,15 +39,15 @@ def led(
     hand, own = observation.controllers[0].astype(np.float64), graph.controllers
     if hand.shape == own.shape and np.linalg.norm(hand - own, axis=1).max() <= SAME_HAND * graph.spacing:
         return steadied(observation.controllers, observation.times)
-    if not len(hand) or _away(hand, own) > NEAR * graph.spacing or _away(own, hand) > FAR * graph.spacing:
+    if not len(hand) or max(_away(hand, own), _away(own, hand)) > FAR * grasp:
         return None
     steady = steadied(observation.controllers, observation.times)
-    carried = held_places(steady, own, ONE_HAND * graph.spacing)
+    carried = held_places(steady, own, ONE_HAND * grasp)
     if recorded is not None and recorded.shape == carried.shape:
         known = recorded.astype(np.float64)
         if np.linalg.norm(known - carried, axis=-1).max() <= RECORDED:
             return known
-    return carried
+    return carried if _away(hand, own) <= NEAR * grasp else None
 
 
 def _away(some: Float64[Array, "C 3"], others: Float64[Array, "D 3"]) -> float:

@@ -53,16 +53,17 @@ def test_another_motion_of_that_hand_leads_them(hung, made):
 
 def test_a_hand_that_holds_more_or_less_is_another(hung, made):
     graph = Graph.of(made)
-    assert led(graph, made.controls, hung) is not None
+    assert led(graph, graph.spacing, made.controls, hung) is not None
     farther = np.concatenate([hung.controllers, hung.points[:, -1:]], 1)
     aside = hung.controllers + np.float32([0.2, 0, 0])
     nobody = hung.controllers[:, :0]
     for other in (farther, aside, nobody):
-        assert led(graph, made.controls, replace(hung, controllers=other)) is None
+        assert led(graph, graph.spacing, made.controls, replace(hung, controllers=other)) is None
 
 
 def test_a_motion_that_is_not_of_this_recording_is_not_taken_for_it(hung, made):
     elsewhere = made.controls + np.linspace(0, 0.1, 12, dtype=np.float32)[:, None, None]
-    controls = led(Graph.of(made), elsewhere, hung)
+    graph = Graph.of(made)
+    controls = led(graph, graph.spacing, elsewhere, hung)
     assert controls is not None
     assert np.abs(controls - made.controls).max() < 0.02
