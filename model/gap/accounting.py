@@ -7,6 +7,7 @@ from model.gap.confirm import Fitted, held_out
 from model.gap.forecast import Forecast, forecast
 from model.gap.joint import fitted_jointly
 from model.gap.schema import EFFECT_NAMES
+from model.gap.side_by_side import side_by_side
 from model.gap.size import size_of
 from model.gap.slowly import explained_slowly, left_slowly
 from model.gap.study import Study
@@ -58,11 +59,13 @@ def account_of(
         there = other.further(other.further(other.followed(plain)))
         slowly_there = left_slowly(there.misfit, there.estimate.values)
         shared.update(explained)
-        for name, one in confirmed.items():
-            worth = max(explained[name].fitted, explained[name].slowly)
-            both = fitted_jointly(one, plain, other, there) if worth > SHARED else None
+        worth = {name: max(explained[name].fitted, explained[name].slowly) for name in confirmed}
+        tried = [name for name in confirmed if worth[name] > SHARED]
+        fits = side_by_side(lambda name: fitted_jointly(confirmed[name], plain, other, there), tried)
+        for name, both in zip(tried, fits, strict=True):
             if both is None:
                 continue
+            one = confirmed[name]
             foretold = forecast(fitted.observer, one.hypothesis.at(both.values), fitted.split)
             shared[name] = Explained.of(
                 (cost, both.left[0]),

@@ -24,6 +24,7 @@ from model.gap.meeting import able_effects
 from model.gap.plain import PlainTwin
 from model.gap.schema import EFFECT_NAMES
 from model.gap.search import Begun, beginning, searched, values_of
+from model.gap.side_by_side import side_by_side
 from model.gap.signs import Signs, signs_of
 from model.gap.study import Study, study
 from model.gap.transfer import Transferred, transferred
@@ -92,16 +93,11 @@ def _diagnosed(
     fitted = study(observation, twin)
     other = None if transfer is None else transferred(fitted, transfer)
     screened = _screened(fitted, other, tell)
-    tell("confirm", 0.6)
-    likely = _likely(screened.begins, screened.first, fitted)
-    anew = {name: _afresh(fitted, screened, name) for name in likely}
-    plain = _refitted(fitted, anew)
-    confirmed = {name: _fitted(fitted, plain, screened, name, anew[name]) for name in likely}
+    plain, confirmed, flexible = _confirmed(fitted, screened, tell)
+    tell("weigh", 0.75)
     refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
     account = account_of(fitted, other, plain, confirmed, screened.first, refitted)
     tried = _tried(fitted, plain, confirmed, screened, account)
-    tell("ceiling", 0.85)
-    flexible = ceiling(fitted, plain)
     tell("where", 0.92)
     there = None
     if other is not None and refitted is not None:
@@ -114,17 +110,22 @@ def _diagnosed(
     return Diagnosis(found.findings(), found.records(), found.own_values(), tried.account)
 
 
+def _within(tell: Progress, stage: str, begin: float, end: float) -> Callable[[float], None]:
+    """Tells the share of a part of a stage, which goes from `begin` to `end` of the whole."""
+    return lambda share: tell(stage, begin + (end - begin) * share if share < 1.0 else end)
+
+
 def _screened(fitted: Study, other: Transferred | None, tell: Progress) -> _Screened:
-    tell("screen", 0.15)
+    tell("screen", 0.1)
     able = able_effects(fitted)
-    evidence = gather(fitted, able, lambda share: tell("screen", 0.15 + 0.1 * share))
+    evidence = gather(fitted, able, _within(tell, "screen", 0.1, 0.13))
     if other is not None:
         again = other.study(fitted)
-        shown = gather(again, able_effects(again), lambda share: tell("screen", 0.25 + 0.1 * share))
+        shown = gather(again, able_effects(again), _within(tell, "screen", 0.16, 0.19))
         evidence = evidence.joined(shown)
     shape, ground = fitted.plain.twin.body.shape, fitted.observation.ground_height is not None
     signs = signs_of(evidence, shape, fitted.base.cost, ground)
-    begins = searched(fitted, able, lambda share: tell("screen", 0.35 + 0.25 * share))
+    begins = searched(fitted, able, _within(tell, "screen", 0.2, 0.3))
     effects = {name: effect for name in EFFECT_NAMES for effect in able if effect.name == name}
     return _Screened(effects, evidence, signs, judged(Jury.shipped(), signs), begins)
 
@@ -143,6 +144,28 @@ def _refitted(fitted: Study, anew: Mapping[EffectName, Estimate]) -> Fitted:
         return refit(fitted)
     best = min(anew.values(), key=lambda one: one.cost)
     return refit(fitted, {name: best.values[name] for name in fitted.base.values})
+
+
+def _confirmed(
+    fitted: Study, screened: _Screened, tell: Progress
+) -> tuple[Fitted, dict[EffectName, Confirmed], Fitted]:
+    """The refitted plain twin, the same with each of the likely effects, and with a flexible force."""
+    tell("confirm", 0.3)
+    likely = _likely(screened.begins, screened.first, fitted)
+    first, then = _within(tell, "confirm", 0.3, 0.48), _within(tell, "confirm", 0.5, 0.75)
+    anew = side_by_side(
+        lambda name: _afresh(fitted, screened, name), likely, lambda done: first(done / len(likely))
+    )
+    plain = _refitted(fitted, dict(zip(likely, anew, strict=True)))
+
+    def fit(one: tuple[EffectName, Estimate] | None) -> Fitted:
+        return ceiling(fitted, plain) if one is None else _fitted(fitted, plain, screened, *one)
+
+    # the flexible force takes longest, and comes first
+    parts = [None, *zip(likely, anew, strict=True)]
+    flexible, *fits = side_by_side(fit, parts, lambda done: then(done / len(parts)))
+    confirmed = [one for one in fits if isinstance(one, Confirmed)]
+    return plain, dict(zip(likely, confirmed, strict=True)), flexible
 
 
 def _fitted(

@@ -17,6 +17,7 @@ from model.gap.effects.base import Effect
 from model.gap.heading import heading
 from model.gap.misfit import STEPS, Misfit, Span
 from model.gap.probes import probes
+from model.gap.side_by_side import side_by_side
 from model.gap.study import Study
 from model.types import Array
 
@@ -143,16 +144,19 @@ def gather(
         columns.append(Column("hand", {}))
         ways.append(_gained(study, misfit)(vector[None])[0] - plain)
     angle = heading(study.plain.twin.body.points)
-    for done, effect in enumerate(effects):
-        if progress is not None:
-            progress(done / len(effects))
+
+    def moved(effect: Effect) -> list[tuple[Column, Float64[Array, " m"]]]:
         one = misfit.of(misfit.hypothesis.with_effect(effect).holding(study.base.values))
         # along the body, so that they are the same however it is turned
         tried = [effect.turned(each, angle) for each in probes(effect)]
         named = [{f"{effect.name}.{name}": value for name, value in each.items()} for each in tried]
-        moved = one(np.stack([one.coordinates.vector(values) for values in named])) - plain
-        columns += [Column(effect.name, values) for values in tried]
-        ways += list(moved)
+        rows = one(np.stack([one.coordinates.vector(values) for values in named])) - plain
+        return [(Column(effect.name, values), row) for values, row in zip(tried, rows, strict=True)]
+
+    tell = progress or (lambda share: None)
+    for found in side_by_side(moved, effects, lambda done: tell(done / len(effects))):
+        columns += [column for column, _ in found]
+        ways += [row for _, row in found]
     columns.append(Column("plain", {}))
     ways.append(plain)
     cell, count = _cells(study, misfit)

@@ -20,6 +20,7 @@ from model.gap.heading import heading
 from model.gap.misfit import STEPS, Misfit
 from model.gap.probes import probes
 from model.gap.schema import EFFECT_NAMES
+from model.gap.side_by_side import side_by_side
 from model.gap.study import Study
 from model.schema import EffectName
 from model.types import Array
@@ -75,17 +76,20 @@ def searched(
     places: list[Field] = []
     if study.plain.twin.body.shape in HALVED and not study.dear:
         places = [tensor(place.field) for place in halves_of(study.plain.twin.body.points)]
-    looked: dict[EffectName, _Looked] = {}
-    for done, (name, effect) in enumerate(by_name.items()):
-        tell(0.5 * done / len(by_name))
-        looked[name] = _looked(study, effect, places if effect.local else [])
+    seen = side_by_side(
+        lambda effect: _looked(study, effect, places if effect.local else []),
+        list(by_name.values()),
+        lambda done: tell(0.5 * done / len(by_name)),
+    )
+    looked = dict(zip(by_name, seen, strict=True))
     order = sorted(looked, key=lambda name: looked[name].promised)
     # a given twin may be far from where an effect is right, and what is linear there says little
     stepped = order if study.plain.twin.given else order[:STEPPED]
-    found: dict[EffectName, Begun] = {}
-    for done, name in enumerate(order):
-        tell(0.5 + 0.5 * done / len(order))
-        found[name] = looked[name].begun(study) if name in stepped else looked[name].everywhere.as_it_is()
+    begun = side_by_side(
+        lambda name: looked[name].begun(study), stepped, lambda done: tell(0.5 + 0.5 * done / len(stepped))
+    )
+    found = {name: looked[name].everywhere.as_it_is() for name in order}
+    found |= zip(stepped, begun, strict=True)
     return {name: found[name] for name in sorted(found, key=lambda name: found[name].left)}
 
 

@@ -13,6 +13,7 @@ from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import HAND, HOLD, PlainTwin
+from model.gap.side_by_side import side_by_side
 from model.types import Array, Observation
 
 PATIENCE = 0.15
@@ -128,7 +129,7 @@ def best_fit(misfit: Misfit, start: dict[str, float]) -> Estimate:
     shape = misfit.hypothesis.twin.body.shape
     quarter = quarter_of(misfit)
     followed = [tried[i] for i in np.argsort(left, kind="stable")[: FOLLOWED[shape]]]
-    found = [estimate(misfit, one[None], STEPS, quarter) for one in followed]
+    found = side_by_side(lambda one: estimate(misfit, one[None], STEPS, quarter), followed)
     return min(found, key=lambda one: one.cost)
 
 

@@ -1,17 +1,21 @@
 """How many threads a compiled kernel takes."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from typing import TypeAlias
 
 import torch
 
-_granted: ContextVar[int | None] = ContextVar("kernel_threads", default=None)
+Count: TypeAlias = int | Callable[[], int]
+"""A number, or what is asked for one in each frame."""
+
+_granted: ContextVar[Count | None] = ContextVar("kernel_threads", default=None)
 
 
 @contextmanager
-def kernel_threads(count: int) -> Iterator[None]:
+def kernel_threads(count: Count) -> Iterator[None]:
     """Kernels that are called inside take up to `count` threads, however many torch has.
 
     A kernel gains from threads where torch's small operations lose by them, and computes the same bits with
@@ -27,7 +31,9 @@ def kernel_threads(count: int) -> Iterator[None]:
 def granted() -> int:
     """As many as torch, unless told otherwise."""
     count = _granted.get()
-    return torch.get_num_threads() if count is None else count
+    if count is None:
+        return torch.get_num_threads()
+    return count if isinstance(count, int) else count()
 
 
 def usable_cores() -> int:

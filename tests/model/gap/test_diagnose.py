@@ -86,7 +86,7 @@ def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
     shares = [share for _, share in told]
     assert shares == sorted(shares)
     assert [*dict.fromkeys(stage for stage, _ in told)] == [
-        *("refit", "screen", "confirm", "ceiling", "where", "report")
+        *("refit", "screen", "confirm", "weigh", "where", "report")
     ]
     assert any("adhesion" in warning for warning in report.warnings)
 

@@ -41,7 +41,7 @@ def test_columns_are_the_twins_the_sensors_the_hands_the_probes_and_the_innovati
         assert [evidence.columns[i].values for i in evidence.of(effect.name)] == along
     assert evidence.of("plain") == [len(evidence.columns) - 1]
     assert evidence.columns[-1] == Column("plain", {})
-    assert told == [0.0, 0.5]
+    assert told == [0.5, 1.0]
 
 
 def test_all_frames_count_and_each_residual_once(rope, gathered):

@@ -45,7 +45,7 @@ def test_what_is_at_work_comes_first(dragged):
     left = [one.left for one in found.values()]
     assert left == sorted(left)
     assert told == sorted(told)
-    assert 0.0 <= told[0] <= told[-1] < 1.0
+    assert 0.0 < told[0] <= told[-1] == 1.0
 
 
 def test_what_is_far_from_linear_comes_first_as_well(late):
