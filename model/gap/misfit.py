@@ -14,7 +14,7 @@ from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
 from model.gap.plain import HAND, HOLD
 from model.gap.world import World
-from model.simulator.divergence import SimulationDiverged
+from model.simulator.pace import TooManySubsteps
 from model.simulator.system import State
 from model.types import Array
 
@@ -205,17 +205,20 @@ class Misfit(Residuals):
                 substeps = self._divided(world)
                 if substeps is None:
                     return self._lost(vectors)
-                led = self.observer.lead(world, span.state, span.first, span.last, substeps=substeps)
-        except SimulationDiverged:
+                led = self.observer.lead(
+                    world, span.state, span.first, span.last, substeps=substeps, lossy=True
+                )
+        except TooManySubsteps:
             return self._lost(vectors)
         predicted = led.predicted if len(vectors) > 1 else led.predicted.unsqueeze(1)
         error = (predicted - self._places.unsqueeze(1)).movedim(1, 0)[:, self._seen]
         bounded = self.observer.bounded(error)
         rows: Float64[Array, "b m"] = bounded.reshape(len(vectors), -1).double().numpy() / self.noise
+        rows[led.lost.reshape(len(vectors)).numpy()] = self.observer.lost / self.noise
         return rows
 
     def _lost(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
-        """Of worlds some of which cannot be rolled out: each by itself."""
+        """Of worlds some of which need more substeps than there may be: each by itself."""
         if len(vectors) == 1:
             return np.full((1, self.size), self.observer.lost / self.noise)
         return np.concatenate([self._some(vector[None]) for vector in vectors])

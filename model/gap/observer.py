@@ -27,6 +27,12 @@ class Led:
     rollout: Rollout
     """The states after each frame was looked at."""
 
+    @property
+    def lost(self) -> Bool[Tensor, " *b"]:
+        """Which of the worlds diverged, of a lossy run."""
+        lost: Tensor = torch.isnan(self.rollout.end.positions).flatten(-2).all(-1)
+        return lost
+
 
 class Observer:
     """A fixed-gain observer: predicts each frame, then moves the state towards what is seen.
@@ -80,6 +86,8 @@ class Observer:
         last: int | None = None,
         until: int | None = None,
         substeps: int | None = None,
+        *,
+        lossy: bool = False,
     ) -> Led:
         """Run from frame `first` to `last`, led in frames up to `until`, free after it.
 
@@ -90,9 +98,10 @@ class Observer:
             last: Frame to end with; None: the last there is.
             until: Last frame that is looked at; None: all.
             substeps: Per frame; None: as many as stability asks for.
+            lossy: Those of many worlds that diverge are NaN from then on.
 
         Raises:
-            SimulationDiverged: a state is not finite.
+            SimulationDiverged: a state is not finite. Not if `lossy`.
         """
         last = len(world.times) - 1 if last is None else last
         predicted: list[Tensor] = []
@@ -106,7 +115,7 @@ class Observer:
             return self._corrected(state, expected, first + frame, interval)
 
         substeps = substeps or self.substeps(world)
-        rollout = world.rollout(start, first, last, substeps, look)
+        rollout = world.rollout(start, first, last, substeps, look, lossy=lossy)
         predicted.insert(0, world.sight(rollout.points[0]))
         return Led(torch.stack(predicted), rollout)
 

@@ -91,6 +91,8 @@ class World:
         last: int | None = None,
         substeps: int | None = None,
         lead: Lead | None = None,
+        *,
+        lossy: bool = False,
     ) -> Rollout:
         """Move from frame `first` to frame `last`, both included.
 
@@ -100,6 +102,7 @@ class World:
             last: Frame to end with; None: the last there is.
             substeps: Per frame, taken without a look; None: as many as stability asks for.
             lead: Called after each frame, counted from `first`; see `Simulator.rollout`.
+            lossy: Those of many worlds that diverge are NaN from then on.
         """
         last = len(self.times) - 1 if last is None else last
         held = None if self.controls is None else self.controls[first : last + 1]
@@ -109,6 +112,7 @@ class World:
             times=np.asarray(self.times[first : last + 1]),
             substeps=substeps,
             trusted=True,
+            lossy=lossy,
             checkpoint=True,
             lead=lead,
         )

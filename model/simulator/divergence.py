@@ -1,6 +1,7 @@
 """A rollout that left the numbers: where, when, and by which term."""
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -38,6 +39,25 @@ def finite(state: State) -> bool:
 def _sound(values: Tensor) -> bool:
     """Their sum is found fastest, and where it is a number all of them are; it may overflow where all are."""
     return math.isfinite(float(values.sum())) or bool(torch.isfinite(values).all())
+
+
+def without_lost(state: State) -> State:
+    """The state, in which worlds that are not finite somewhere are so nowhere.
+
+    NaN stays what it is in all that follows, and reaches no other world of the batch.
+    """
+    values = torch.cat([state.positions, state.velocities], -1)
+    lost = ~torch.isfinite(values).flatten(-2).all(-1)[..., None, None]
+    return replace(
+        state,
+        positions=state.positions.masked_fill(lost, math.nan),
+        velocities=state.velocities.masked_fill(lost, math.nan),
+    )
+
+
+def all_lost(state: State) -> bool:
+    """Whether nothing is left of a state that `without_lost` has gone through."""
+    return bool(torch.isnan(state.positions).all())
 
 
 def explain(

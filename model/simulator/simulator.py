@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from model.errors import InputError
 from model.simulator.backend import Backend, Path, choose_path
 from model.simulator.contacts.base import ContactTerm
-from model.simulator.divergence import explain, finite
+from model.simulator.divergence import all_lost, explain, finite, without_lost
 from model.simulator.drive import Drive, clock
 from model.simulator.dynamics import Dynamics
 from model.simulator.forces.base import ForceTerm
@@ -150,6 +150,7 @@ class Simulator(nn.Module):
         times: Sequence[float] | Float[np.ndarray, " T"] | None = None,
         substeps: int | None = None,
         trusted: bool = False,
+        lossy: bool = False,
         checkpoint: bool = False,
         progress: Progress | None = None,
         lead: Lead | None = None,
@@ -166,6 +167,8 @@ class Simulator(nn.Module):
                 frame (`Pace`).
             trusted: Take `substeps` without a look whether they are enough, for who has asked
                 `needed_substeps` before.
+            lossy: Worlds of a batch that diverge are NaN from then on, and the others go on; without it one
+                is enough to raise. Needs `trusted` substeps: who looks for them would lose all to one.
             checkpoint: Store one state per frame for the backward pass and compute the rest again there.
             progress: Called after each frame.
             lead: Called after each frame with its number and the state; the next frame starts from what it
@@ -173,13 +176,15 @@ class Simulator(nn.Module):
 
         Raises:
             InputError: controls, times and frames that do not fit each other or the system.
-            SimulationDiverged: a state is not finite; says frame, point and term.
+            SimulationDiverged: a state is not finite; says frame, point and term. Not if `lossy`.
             TooManySubsteps: a frame would take more than can be paid.
 
         Warns:
             StabilityWarning: `substeps` is below the stability bound; says in which frame.
             FallbackWarning: no kernel can be had; says why.
         """
+        if lossy and (substeps is None or not trusted):
+            raise ValueError("a lossy rollout needs substeps that are trusted")
         moments = clock(times, frames if controls is None else len(controls), fps)
         motion = self._controls(controls, len(moments))
         dynamics = self.dynamics()
@@ -198,9 +203,12 @@ class Simulator(nn.Module):
         pace = Pace(dynamics, path, substeps) if substeps is None or not trusted else Steady(substeps)
         if intervals:
             pace.start(now, held, max(intervals))
-        history, counts = [now], list[int]()
+        history, counts, count = [now], list[int](), 0
         for frame, interval in enumerate(intervals, start=1):
-            now, count = self._frame(dynamics, path, pace, now, motion, frame, interval, checkpoint)
+            if not (lossy and all_lost(now)):
+                now, count = self._frame(
+                    dynamics, path, pace, now, motion, frame, interval, checkpoint, lossy
+                )
             if lead is not None:
                 now = lead(frame, now)
             history.append(now)
@@ -225,6 +233,7 @@ class Simulator(nn.Module):
         frame: int,
         interval: float,
         checkpoint: bool,
+        lossy: bool,
     ) -> tuple[State, int]:
         """The state one frame on, and the substeps that it took."""
         while True:
@@ -234,6 +243,8 @@ class Simulator(nn.Module):
             if pace.accepts(before, after, drive):
                 break
         if not finite(after):
+            if lossy:
+                return without_lost(after), count
             raise explain(dynamics, self.integrator, before, drive, dt, count, frame)
         return after, count
 

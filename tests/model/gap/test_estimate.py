@@ -170,3 +170,23 @@ def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(followed, mon
     rows = few(np.stack([soft, stiff]))
     np.testing.assert_allclose(rows[:1], few(soft[None]))
     assert (rows[1] == misfit.observer.lost / misfit.noise).all()
+
+
+def test_a_world_that_diverges_is_lost_and_no_other_is_rolled_out_again(followed, monkeypatch):
+    monkeypatch.setattr("model.simulator.pace.LONGEST", 1.0)  # stability alone asks for substeps
+    misfit, start = followed()
+    soft = misfit.coordinates.vector(start)
+    stiff = misfit.coordinates.vector(
+        {**start, "stiffness": misfit.hypothesis.quantities["stiffness"].bounds[1]}
+    )
+    enough = misfit.needs(soft)
+    assert misfit.needs(stiff) > 2 * enough
+    monkeypatch.setattr(Misfit, "_divided", lambda self, world: enough)
+    runs, lead = [], Observer.lead
+    monkeypatch.setattr(Observer, "lead", lambda *args, **more: runs.append(1) or lead(*args, **more))
+    rows = misfit(np.stack([soft, stiff, soft]))
+    assert len(runs) == 1
+    np.testing.assert_allclose(rows[0], rows[2], rtol=0.0, atol=0.01)
+    np.testing.assert_allclose(rows[:1], misfit(soft[None]), rtol=0.0, atol=0.01)
+    assert (rows[1] == misfit.observer.lost / misfit.noise).all()
+    assert (misfit(stiff[None]) == misfit.observer.lost / misfit.noise).all()

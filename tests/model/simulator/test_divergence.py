@@ -59,3 +59,46 @@ def test_blames_the_point_that_started_it(free):
     with pytest.raises(SimulationDiverged) as caught:
         Simulator(free, [Gravity()]).rollout(State(free.points, speeds), frames=2)
     assert caught.value.point == 4
+
+
+def softer_and_softer(free, stiffness):
+    """Worlds of one graph, each of another stiffness [b]."""
+    return Simulator(free, [Gravity(), Spring(torch.tensor(stiffness, dtype=torch.float64)[:, None])])
+
+
+def test_of_a_lossy_batch_only_those_that_diverge_are_lost(free, state):
+    stiffness = [50.0, 1e30, 80.0, 1e6]
+    rollout = softer_and_softer(free, stiffness).rollout(
+        state, frames=300, substeps=20, trusted=True, lossy=True
+    )
+    lost = torch.isnan(rollout.points)
+    assert lost[1:, 1].all()
+    assert lost[-1, 3].all()
+    assert not lost[1, 3].any()
+    for one in (0, 2):
+        alone = Simulator(free, [Gravity(), Spring(stiffness[one])]).rollout(
+            state, frames=300, substeps=20, trusted=True
+        )
+        torch.testing.assert_close(rollout.points[:, one], alone.points)
+
+
+def test_a_lossy_rollout_goes_on_when_all_is_lost_and_computes_nothing(free, state):
+    seen = []
+    rollout = Simulator(free, [Gravity(), Spring(1e30)]).rollout(
+        state,
+        frames=6,
+        substeps=20,
+        trusted=True,
+        lossy=True,
+        lead=lambda frame, now: (seen.append(frame), now)[1],
+    )
+    assert seen == [1, 2, 3, 4, 5]
+    assert rollout.points.shape == (6, len(free.points), 3)
+    assert torch.isnan(rollout.points[1:]).all()
+    assert torch.isnan(rollout.end.velocities).all()
+
+
+@pytest.mark.parametrize("substeps", [{"substeps": 20}, {"trusted": True}, {}])
+def test_substeps_of_a_lossy_rollout_are_trusted(free, state, substeps):
+    with pytest.raises(ValueError, match="trusted"):
+        Simulator(free, [Gravity()]).rollout(state, frames=2, lossy=True, **substeps)
