@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from threading import Lock
 from typing import TypeVar
 
-from model.one_thread import one_thread
+import torch
+
 from model.simulator.kernel.threads import granted, kernel_threads
 
 T = TypeVar("T")
@@ -38,11 +39,13 @@ def side_by_side(
     shares = _Shares(cores)
 
     def worked(item: T) -> R:
-        # a thread begins with as many of torch's as the machine has cores, and with none granted to kernels
-        with shares.taken(), one_thread(), kernel_threads(shares.each):
+        with shares.taken(), kernel_threads(shares.each):
             return work(item)
 
-    with ThreadPoolExecutor(min(cores, len(items)), "diagnosis") as pool:
+    # whoever begins has as many threads of torch as there are cores; what is said for one is said for all of
+    # those that its matrix products take, so none takes it back before all have ended
+    before = torch.get_num_threads()
+    with ThreadPoolExecutor(min(cores, len(items)), "diagnosis", torch.set_num_threads, (1,)) as pool:
         try:
             futures = [pool.submit(worked, item) for item in items]
             for count, future in enumerate(as_completed(futures), start=1):
@@ -50,8 +53,10 @@ def side_by_side(
                 tell(count)
         except BaseException:
             shares.abandon()
-            pool.shutdown(wait=False, cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
             raise
+        finally:
+            torch.set_num_threads(before)
         return [future.result() for future in futures]
 
 

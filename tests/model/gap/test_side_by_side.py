@@ -56,6 +56,18 @@ def test_each_has_its_share_of_the_cores_and_the_last_has_all():
     assert seen == {"short": (2, 1), "long": (2, 1), "last": 4}
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_caller_keeps_its_threads(count):
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(count)
+        with kernel_threads(2):
+            side_by_side(abs, [1, 2, 3])
+        assert torch.get_num_threads() == count
+    finally:
+        torch.set_num_threads(before)
+
+
 def test_progress_is_told_in_the_callers_thread():
     told = []
     with kernel_threads(2):
