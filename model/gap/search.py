@@ -40,9 +40,6 @@ IN_PLACES = (1.0, 4.0)
 """Strengths that are looked at in a half."""
 STEPPED = 10
 """Effects that promise most get a step; what promises less has seldom led to anything."""
-HALVED = ("rope", "solid")
-"""Of these, unless rollouts take long: in the halves of a sheet a search takes half a minute, and has changed
-no verdict."""
 SHARES = (1.0, 0.5, 0.2)
 """Of a step, the best of which is taken: a whole one may lead across a kink."""
 
@@ -74,7 +71,7 @@ def searched(
     tell = progress or (lambda share: None)
     by_name = {name: effect for name in EFFECT_NAMES for effect in effects if effect.name == name}
     places: list[Field] = []
-    if study.plain.twin.body.shape in HALVED and not study.dear:
+    if not study.dear:
         places = [tensor(place.field) for place in halves_of(study.plain.twin.body.points)]
     seen = side_by_side(
         lambda effect: _looked(study, effect, places if effect.local else []),

@@ -119,13 +119,6 @@ def test_what_a_given_twin_came_with_is_begun_from_as_well(dragged, monkeypatch,
     assert (found.left < 0.7 * dragged.base.cost) == given
 
 
-@pytest.fixture
-def sheets_too(monkeypatch):
-    """Sheets are small here."""
-    monkeypatch.setattr("model.gap.search.HALVED", ("sheet",))
-
-
-@pytest.mark.usefixtures("sheets_too")
 def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
     """A sheet of which one half yields where it is pulled."""
     halves = [tensor(place.field) for place in halves_of(studied(pulled).plain.twin.body.points)]
@@ -141,7 +134,6 @@ def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
     assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-6)
 
 
-@pytest.mark.usefixtures("sheets_too")
 def test_halves_are_not_searched_where_rollouts_take_long(pulled, studied, monkeypatch):
     halves = halves_of(studied(pulled).plain.twin.body.points)
     study = studied(pulled, (Plasticity(),), YIELDS, tensor(halves[0].field))
@@ -150,7 +142,6 @@ def test_halves_are_not_searched_where_rollouts_take_long(pulled, studied, monke
     assert searched(study, plastic)["plasticity"].where is None
 
 
-@pytest.mark.usefixtures("sheets_too")
 def test_what_acts_everywhere_begins_everywhere(pulled, studied):
     study = studied(pulled, (Plasticity(),), YIELDS)
     plastic = [effect for effect in able_effects(study) if effect.name == "plasticity"]
