@@ -18,7 +18,7 @@ from service.auth import SCOPES
 from service.client import Client, ServiceError
 
 POINTS, STEP, FRAMES = 6, 0.05, 16
-STAGES = ("observation", "refit", "screen", "confirm", "ceiling", "where", "report")
+STAGES = ("observation", "refit", "screen", "confirm", "weigh", "where", "report")
 
 
 @pytest.fixture
