@@ -35,7 +35,11 @@ def side_by_side(
     """
     cores, tell = granted(), done or (lambda count: None)
     if cores < 2 or len(items) < 2:
-        return [_told(work(item), tell, count) for count, item in enumerate(items, start=1)]
+        results = list[R]()
+        for item in items:
+            results.append(work(item))
+            tell(len(results))
+        return results
     shares = _Shares(cores)
 
     def worked(item: T) -> R:
@@ -58,11 +62,6 @@ def side_by_side(
         finally:
             torch.set_num_threads(before)
         return [future.result() for future in futures]
-
-
-def _told(result: R, tell: Callable[[int], None], count: int) -> R:
-    tell(count)
-    return result
 
 
 class _Shares:

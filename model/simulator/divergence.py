@@ -46,8 +46,7 @@ def without_lost(state: State) -> State:
 
     NaN stays what it is in all that follows, and reaches no other world of the batch.
     """
-    values = torch.cat([state.positions, state.velocities], -1)
-    lost = ~torch.isfinite(values).flatten(-2).all(-1)[..., None, None]
+    lost = _bad(state).any(-1)[..., None, None]
     return replace(
         state,
         positions=state.positions.masked_fill(lost, math.nan),
@@ -83,8 +82,13 @@ def explain(
     return SimulationDiverged(frame, 0, "unknown", substeps)
 
 
+def _bad(state: State) -> Tensor:
+    """Which points are not finite, [*b, N]."""
+    return ~(torch.isfinite(state.positions) & torch.isfinite(state.velocities)).all(-1)
+
+
 def _first_bad(state: State) -> int:
-    bad = ~(torch.isfinite(state.positions) & torch.isfinite(state.velocities)).all(-1)
+    bad = _bad(state)
     return int(bad.reshape(-1, bad.shape[-1]).any(0).nonzero()[0])
 
 

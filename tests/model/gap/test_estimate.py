@@ -158,13 +158,17 @@ def test_slopes_are_those_of_where_a_fit_ends(followed):
     np.testing.assert_allclose(found.jacobian[:, hands], there[:, hands], rtol=0.0, atol=0.05)
 
 
-def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(followed, monkeypatch):
+@pytest.fixture
+def soft_and_stiff(followed, monkeypatch):
+    """A misfit, and coordinates of a world that needs few substeps and of one that needs many."""
     monkeypatch.setattr("model.simulator.pace.LONGEST", 1.0)  # stability alone asks for substeps
     misfit, start = followed()
-    soft = misfit.coordinates.vector(start)
-    stiff = misfit.coordinates.vector(
-        {**start, "stiffness": misfit.hypothesis.quantities["stiffness"].bounds[1]}
-    )
+    most = misfit.hypothesis.quantities["stiffness"].bounds[1]
+    return misfit, *(misfit.coordinates.vector(values) for values in (start, {**start, "stiffness": most}))
+
+
+def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(soft_and_stiff):
+    misfit, soft, stiff = soft_and_stiff
     assert misfit.needs(stiff) > misfit.needs(soft)
     few = misfit.giving_up(misfit.needs(soft))
     rows = few(np.stack([soft, stiff]))
@@ -172,13 +176,8 @@ def test_a_world_that_needs_too_many_substeps_is_lost_and_no_other(followed, mon
     assert (rows[1] == misfit.observer.lost / misfit.noise).all()
 
 
-def test_a_world_that_diverges_is_lost_and_no_other_is_rolled_out_again(followed, monkeypatch):
-    monkeypatch.setattr("model.simulator.pace.LONGEST", 1.0)  # stability alone asks for substeps
-    misfit, start = followed()
-    soft = misfit.coordinates.vector(start)
-    stiff = misfit.coordinates.vector(
-        {**start, "stiffness": misfit.hypothesis.quantities["stiffness"].bounds[1]}
-    )
+def test_a_world_that_diverges_is_lost_and_no_other_is_rolled_out_again(soft_and_stiff, monkeypatch):
+    misfit, soft, stiff = soft_and_stiff
     enough = misfit.needs(soft)
     assert misfit.needs(stiff) > 2 * enough
     monkeypatch.setattr(Misfit, "_divided", lambda self, world: enough)
