@@ -72,8 +72,8 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
     controls = led(graph, body.grasp, bundle.controls, observation)
     if controls is not None:
         guessed = Matter.guessed(replace(body, grip=NOTHING), observation)
-        twin = PlainTwin.of(body, observation, _held(_matter(graph, bundle, guessed), graph))
-        return replace(twin, controls=controls, carried=carried)
+        matter = _held(_matter(graph, bundle, guessed), graph)
+        return replace(PlainTwin.of(body, observation, matter, controls), carried=carried)
     near = grip_of(body.points, observation.controllers[0].astype(np.float64), body.grasp)
     if not len(near):
         _let_go(body, observation)
@@ -84,8 +84,8 @@ def given_twin(bundle: TwinBundle, observation: Observation, most: int = MOST) -
             stacklevel=2,
         )
     hand = PlainTwin.of(replace(body, grip=near), observation)
-    twin = PlainTwin.of(hand.body, observation, _matter(graph, bundle, hand.matter))
-    return replace(twin, controls=hand.controls, carried=carried)
+    matter = _matter(graph, bundle, hand.matter)
+    return replace(PlainTwin.of(hand.body, observation, matter, hand.controls), carried=carried)
 
 
 def thinned(record: EffectRecord, became: Int64[Array, " P"], count: int) -> EffectRecord:

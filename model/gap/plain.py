@@ -164,13 +164,22 @@ class PlainTwin:
     """Along whose axes stiffness varies, as of a coarser twin that was fitted; None: the body's own."""
 
     @classmethod
-    def of(cls, body: Body, observation: Observation, matter: Matter | None = None) -> "PlainTwin":
+    def of(
+        cls,
+        body: Body,
+        observation: Observation,
+        matter: Matter | None = None,
+        controls: Float64[Array, "T H 3"] | None = None,
+    ) -> "PlainTwin":
         """For a body as it lies, hangs or is held in the first frame; without `matter` it is guessed.
+
+        `controls` are the observation's controllers without their noise, unless they are given.
 
         A guessed body has no springs to the controllers: each point within reach of one is held where the
         hand carries it, so that the grip does not depend on where a lattice happens to have points.
         """
-        controls: Float64[Array, "T H 3"] = steadied(observation.controllers, observation.times)
+        if controls is None:
+            controls = steadied(observation.controllers, observation.times)
         if matter is None:
             held = _reachable(body, observation)
             if len(held):
