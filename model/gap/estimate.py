@@ -64,8 +64,10 @@ def estimate(
         low, high = part.coordinates.bounds
         if vector is None:
             inside = np.clip(starts, low + 1e-6, high - 1e-6)
-            vector = inside[int((part(inside) ** 2).mean(1).argmin())] if len(inside) > 1 else inside[0]
-            part.settle()
+            vector = inside[0]
+            if len(inside) > 1:
+                vector = inside[int((part(inside) ** 2).mean(1).argmin())]
+                part.settle()
         ends = last == misfit.span.last
         found = descended(part, vector, starts[0], steps, slopes=slopes and ends)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)

@@ -20,8 +20,6 @@ from model.types import Array
 
 WEAKER = (1.0, 0.5, 0.25)
 """Of the strength in the first recording, of which it may tell little: where a fit may begin."""
-NEEDED, DIVISIONS = 0.7, 2
-"""Time steps are halved while that leaves less than this share, so often at most."""
 
 
 class Joint(Residuals):
@@ -132,7 +130,7 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     joint = Joint((here, again))
     found, followed = one.estimate.values, {**one.estimate.values, **there.estimate.values}
     for misfit, values in ((here, found), (again, followed)):
-        _settled(misfit, misfit.coordinates.vector(values))
+        misfit.divide(misfit.coordinates.vector(values))
     little = _moderate(one.hypothesis, found)
     own = (plain.estimate.values, elsewhere.estimate.values)
     without = ({**found, **little, **values} for values in own)
@@ -163,19 +161,3 @@ def _moderate(hypothesis: Hypothesis, values: Mapping[str, float]) -> dict[str, 
         for name, quantity in amplitudes.items()
         if quantity.start
     }
-
-
-def _settled(misfit: Misfit, vector: Float64[Array, " d"]) -> None:
-    """Time divided as finely as a twin needs: from where it is lost to its time steps no fit finds back."""
-
-    def left() -> float:
-        return float((misfit(vector[None]) ** 2).mean())
-
-    before = left()
-    for _ in range(DIVISIONS):
-        misfit.divide(2.0)
-        now = left()
-        if now > NEEDED * before:
-            misfit.divide(0.5)
-            break
-        before = now

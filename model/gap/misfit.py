@@ -22,6 +22,8 @@ STEPS = (0.08, 0.02)
 """Of a coordinate, for a difference: wider at first, to look across the kinks of contacts, then fine."""
 SPARE = 1.3
 """Substeps more than the first world of a fit needs, so that stiffer ones need no more."""
+FINER, NEEDED = (2, 4, 8), 0.7
+"""Times as fine as stability asks for; time is divided so while that leaves less than this share."""
 WIDEST = 32
 """Worlds that are rolled out at once, two vectors of a wide processor full: more would only take memory."""
 STEADY: Mapping[str, int] = {HAND: 4, HOLD: 2, "residual_": 2}
@@ -97,9 +99,8 @@ class Misfit(Residuals):
         return Misfit(hypothesis, self.observer, self.span, self.noise)
 
     def until(self, last: int) -> "Misfit":
-        """The same over the frames up to `last`."""
-        span = replace(self.span, last=last)
-        return Misfit(self.hypothesis, self.observer, span, self.noise, self.most)
+        """The same over the frames up to `last`, time divided as finely."""
+        return self.through(self.observer, replace(self.span, last=last))
 
     def giving_up(self, most: int) -> "Misfit":
         """The same, in which a world that needs more than so many substeps per frame is lost."""
@@ -132,22 +133,36 @@ class Misfit(Residuals):
     def needs(self, vector: Float64[Array, " d"]) -> int:
         """Substeps per frame that the world of a vector asks for."""
         with torch.no_grad():
-            return self.observer.substeps(self.hypothesis.at(self.coordinates.values(vector)))
+            world = self.hypothesis.at(self.coordinates.values(vector))
+            return self.observer.substeps(world, self.span.state)
 
-    def divide(self, times: float) -> None:
-        """Divide time so many times as finely: a spring that stiffens needs more than it does at rest.
+    def divide(self, vector: Float64[Array, " d"]) -> None:
+        """Divide time as finely as a world needs: a spring that stiffens needs more than at rest.
 
-        Only after a call, which finds out what is needed at rest.
+        From where it is lost to its time steps no fit finds back.
         """
-        assert self._substeps, "nothing was divided yet"
-        self._substeps = max(1, round(times * self._substeps))
+        residuals = self(vector[None])[0]
+        coarse, kept, least = self._substeps, 1, float((residuals**2).mean())
+        for finer in FINER:
+            self._substeps = finer * coarse
+            residuals = self(vector[None])[0]
+            left = float((residuals**2).mean())
+            if left < NEEDED * least:
+                kept, least = finer, left
+            elif not self._is_lost(residuals):
+                break
+        self._substeps = kept * coarse
+
+    def _is_lost(self, residuals: Float64[Array, " m"]) -> bool:
+        """Of a world that diverged."""
+        return bool((residuals == self.observer.lost / self.noise).all())
 
     def _divided(self, world: World) -> int | None:
         """Substeps per frame: the same for all worlds of a fit, so that none differs by its time steps.
 
         None: they would be more than there may be.
         """
-        needed = self.observer.substeps(world)
+        needed = self.observer.substeps(world, self.span.state)
         if self.most is not None and needed > self.most:
             return None
         if needed > self._substeps:

@@ -114,14 +114,18 @@ class Observer:
             interval = float(world.times[first + frame] - world.times[first + frame - 1])
             return self._corrected(state, expected, first + frame, interval)
 
-        substeps = substeps or self.substeps(world)
+        substeps = substeps or self.substeps(world, start)
         rollout = world.rollout(start, first, last, substeps, look, lossy=lossy)
         predicted.insert(0, world.sight(rollout.points[0]))
         return Led(torch.stack(predicted), rollout)
 
-    def substeps(self, world: World) -> int:
-        """What stability asks for, for the longest interval there is."""
-        return world.simulator.needed_substeps(float(np.diff(world.times).max()))
+    def substeps(self, world: World, start: State | None = None) -> int:
+        """What stability asks for, for the longest interval there is, at rest and where it starts.
+
+        Another recording begins in another pose, in which a spring that stiffens may be strained.
+        """
+        interval, asked = float(np.diff(world.times).max()), world.simulator.needed_substeps
+        return asked(interval) if start is None else max(asked(interval), asked(interval, start))
 
     def _corrected(self, state: State, expected: Tensor, frame: int, interval: float) -> State:
         seen = self.seen[frame].to(expected.dtype)

@@ -368,6 +368,7 @@ def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
         return np.zeros(0, np.int64)
     places = observation.controllers[0].astype(np.float64)
     near = cKDTree(body.points[np.unique(body.grip[:, 1])]).query(places)[0] <= 1.5 * body.grasp
+    near[body.grip[:, 0]] = True
     places = places[near] if near.any() else places
     tree = cKDTree(body.points)
     few = min(UPRIGHT[body.shape], len(body.points))

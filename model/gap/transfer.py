@@ -7,12 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
 from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.hand import steadied
+from model.gap.bodies.hidden import hiding
 from model.gap.bodies.rest import rest_places
 from model.gap.confirm import Fitted
 from model.gap.estimate import Estimate, estimate
@@ -127,7 +129,10 @@ class Transferred:
         known = {**values, **self.own}
         start = {name: known.get(name, q.start) for name, q in hypothesis.quantities.items()}
         whole = len(self.twin.observation.times)
-        found = estimate(misfit, misfit.coordinates.vector(start)[None], STEPS, whole, slopes=slopes)
+        vector = misfit.coordinates.vector(start)
+        if hypothesis.effects:
+            misfit.divide(vector)
+        found = estimate(misfit, vector[None], STEPS, whole, slopes=slopes)
         return Followed(misfit, found), start
 
     def study(self, first: Study) -> Study:
@@ -270,7 +275,7 @@ def _held_alike(
 
 def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array, "P 3"]) -> PlainTwin:
     """Held where the hand is now, with the material that it has."""
-    grip = grip_of(points, observation.controllers[0].astype(np.float64), twin.body.grasp)
+    grip = _grip(twin.body, observation, points)
     found = PlainTwin.of(replace(twin.body, points=points, grip=grip), observation)
     own = twin.matter
     matter = replace(
@@ -289,3 +294,22 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
         rest=Rest(twin.rest.tensions, heavier * found.rest.supports),
         controls=found.controls,
     )
+
+
+def _grip(body: Body, observation: Observation, points: Float64[Array, "P 3"]) -> Int64[Array, "S 2"]:
+    """Every controller holds the points within its reach, and one that leads the body the nearest to it.
+
+    The end that it holds may be nearer to it than it is known to be: what neither recording shows of it is
+    where its neighbours are.
+
+    Args:
+        body: Of the first recording.
+        observation: The other recording.
+        points: Where the mass points are in its first frame [m].
+    """
+    controllers = observation.controllers[0].astype(np.float64)
+    near = grip_of(points, controllers, body.grasp)
+    leading = np.flatnonzero(hiding(points, rest_places(observation), observation, body.spacing))
+    far = np.setdiff1d(leading, near[:, 0])
+    nearest = cKDTree(points).query(controllers[far])[1]
+    return np.concatenate([near, np.stack([far, nearest], axis=1)]).astype(np.int64)

@@ -12,6 +12,9 @@ SLICES = 26
 """Across a rope, whose means are its middle line."""
 ROPE_POINTS = 45
 """Along a rope, at least about: a rope of half as many that hangs swings otherwise."""
+APART = 0.5
+"""Of the distance of mass points: what is seen nearer to each other along a rope is one. The spring between
+would be stiff and light, need the finest time steps of all, and be as long as noise makes it."""
 HIDDEN, LED = 0.15, 0.6
 """Share of the length that is seen, at most, that a hand hides at an end; and one that is seen to lead it."""
 
@@ -47,8 +50,7 @@ def _middle(
 ) -> Float64[Array, "n 3"]:
     """Few points: they are the line. Many: means of slices across it."""
     if len(places) <= SLICES:
-        ordered: Float64[Array, "n 3"] = places[np.argsort(away, kind="stable")]
-        return ordered
+        return _thinned(places[np.argsort(away, kind="stable")], APART * length / ROPE_POINTS)
     bins = np.clip((SLICES * away / length).astype(int), 0, SLICES - 1)
     slices = [bins == b for b in range(SLICES) if (bins == b).any()]
     line = np.stack([places[own].mean(0) for own in slices])
@@ -57,6 +59,19 @@ def _middle(
     line[0] += short[0] * _direction(line[1], line[0])
     line[-1] += short[1] * _direction(line[-2], line[-1])
     return line
+
+
+def _thinned(line: Float64[Array, "n 3"], least: float) -> Float64[Array, "m 3"]:
+    """Means of points in a row that are nearer than this to the first of them [m]; both ends stay."""
+    groups = [[line[0]]]
+    for place in line[1:]:
+        if float(np.linalg.norm(place - groups[-1][0])) < least:
+            groups[-1].append(place)
+        else:
+            groups.append([place])
+    thinned = np.stack([np.mean(group, axis=0) for group in groups])
+    thinned[0], thinned[-1] = line[0], line[-1]
+    return thinned
 
 
 def _direction(start: Float64[Array, "3"], end: Float64[Array, "3"]) -> Float64[Array, "3"]:

@@ -144,7 +144,7 @@ def test_a_fitted_twin_is_not_lost_to_its_time_steps(dragged, other, twin, monke
     elsewhere = other.further(other.followed(plain))
     held = other.followed(found)
     needed = Observer.substeps
-    monkeypatch.setattr(Observer, "substeps", lambda self, world: needed(self, world) // 4)
+    monkeypatch.setattr(Observer, "substeps", lambda self, *world: needed(self, *world) // 4)
     coarse = found.misfit.of(found.hypothesis)
     lost = float((coarse(found.estimate.vector[None]) ** 2).mean())
     assert lost > 1.4 * found.estimate.cost

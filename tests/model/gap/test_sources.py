@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from model.gap.bodies.body import body_of
 from model.gap.effects import ActuationDelay, StrainStiffening
 from model.gap.estimate import Estimate
 from model.gap.misfit import Misfit
@@ -64,7 +65,7 @@ def test_a_late_hand_is_actuation(hung, studied):
     late = np.concatenate([hung.controllers[:1], hung.controllers[:-1]])
     study = studied(replace(hung, controllers=late))
     told = replace(study.observation, controllers=hung.controllers)
-    plain = replace(study.plain, twin=PlainTwin.of(study.plain.twin.body, told))
+    plain = replace(study.plain, twin=PlainTwin.of(body_of(told), told))
     misfit = study.misfit.of(plain)
     vector = study.base.vector
     base = replace(study.base, residuals=misfit(vector[None])[0], jacobian=misfit.jacobian(vector))

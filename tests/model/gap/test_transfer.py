@@ -102,6 +102,25 @@ def test_what_is_held_elsewhere_is_held_anew(sheet):
     assert held[:, 2].max() < sheet.plain.twin.body.points[sheet.plain.twin.body.grip[:, 1]][:, 2].min()
 
 
+@pytest.mark.parametrize("leads", [True, False])
+def test_a_hand_that_leads_the_body_from_farther_than_it_reaches_holds_it(sheet, leads):
+    """What it holds is hidden by it, in both recordings."""
+    seen = sheet.observation
+    times = seen.times[:, None, None]
+    sway = 0.3 * np.concatenate([np.sin(4.0 * times), 0.0 * times, 0.0 * times], -1)
+    upper, lowest = seen.controllers[:1], seen.points[0][:, 2].min()
+    below = np.array([[[0.14, 0.0, lowest - 0.08], [0.16, 0.0, lowest - 0.08]]])
+    hands = np.concatenate([upper + sway, below + (sway if leads else 0.0 * sway)], 1)
+    moved = replace(
+        seen,
+        points=(seen.points[:1] + sway).astype(np.float32),
+        controllers=hands.astype(np.float32),
+    )
+    found = transferred(sheet, moved)
+    far = {hands.shape[1] - 2, hands.shape[1] - 1}
+    assert (far <= set(found.twin.holders.tolist())) == leads
+
+
 def test_a_point_that_the_first_recording_never_shows_is_where_the_other_has_it(sheet):
     """The body of the first has to have it somewhere."""
     twin = sheet.plain.twin

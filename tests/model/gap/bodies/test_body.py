@@ -153,6 +153,20 @@ def test_markers_on_a_bent_rope_are_a_rope_in_their_order(count):
     assert steps.sum() == pytest.approx(longest, rel=1e-6)
 
 
+def test_markers_side_by_side_on_a_rope_are_no_short_stiff_spring():
+    """Random markers: two of 20 may be 2 mm apart, as far as noise makes them."""
+    rng = np.random.default_rng(5)
+    along = np.sort(np.concatenate([np.linspace(0.0, 0.8, 18), [0.002, 0.41, 0.412]]))
+    places = np.stack([along, 0 * along, 0 * along], -1) + rng.normal(0, 5e-4, (len(along), 3))
+    body = body_of(seen(places))
+    assert body.shape == "rope"
+    length = np.linalg.norm(np.diff(body.points, axis=0), axis=1)
+    assert length.min() > 0.45 * np.median(length)
+    told = (body.points[body.index] * body.weight[..., None]).sum(1)
+    np.testing.assert_allclose(told, places, atol=1.5e-3)
+    assert np.linalg.norm(np.diff(body.points[[0, -1]], axis=0)) == pytest.approx(0.8, abs=5e-3)
+
+
 def test_a_rope_of_many_points_is_as_long_as_they_say():
     """Its middle line is of means of slices, whose ends are not the rope's."""
     places = np.random.default_rng(1).normal(size=(400, 3)) * 0.002
