@@ -140,7 +140,10 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
         each = zip((here, again), values, strict=True)
         return joint.vector(*(strong(misfit, known, (by,) * count) for misfit, known in each))
 
-    starts = [*(beginning(by, found, followed) for by in WEAKER), beginning(FAINT, *without)]
+    # after one round there it may be far off still, where the plain twin, after more, is not
+    there_too = (followed, {**found, **elsewhere.estimate.values})
+    as_found = (beginning(by, found, values) for values in there_too for by in WEAKER)
+    starts = [*as_found, beginning(FAINT, *without)]
     low, high = joint.bounds
     tried = np.clip(np.stack(starts), low + 1e-6, high - 1e-6)
     lefts = [joint.left(residuals) for residuals in joint(tried)]

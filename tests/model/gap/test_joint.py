@@ -93,6 +93,24 @@ def test_what_the_first_recording_gets_wrong_the_other_puts_right(dragged, other
     assert found.slowly[1].mean() < 0.8 * left_slowly(elsewhere.misfit, elsewhere.estimate.values).mean()
 
 
+def test_who_is_not_yet_followed_in_the_other_recording_begins_where_the_plain_twin_is(
+    dragged, other, twin, monkeypatch
+):
+    """One round may not be enough there; from hardly any of the effect the fit would not find it."""
+    plain = twin(dragged)
+    elsewhere = other.further(other.followed(plain))
+    found = twin(dragged, (QuadraticAirDrag(),), {DRAG: TRUE})
+    held = other.followed(found)
+    soft = {**held.estimate.values, "stiffness": 0.05 * held.estimate.values["stiffness"]}
+    lost = held._replace(estimate=replace(held.estimate, values=soft))
+    monkeypatch.setattr(type(other), "followed", lambda *_: lost)
+    both = fitted_jointly(found, plain, other, elsewhere)
+    assert both is not None
+    assert both.values[DRAG] == pytest.approx(TRUE, rel=0.15)
+    assert both.left[0] < 1.2 * found.estimate.cost
+    assert both.left[1] < 0.8 * elsewhere.estimate.cost
+
+
 @pytest.mark.parametrize(
     ("effect", "strength"),
     [
