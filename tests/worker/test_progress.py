@@ -44,8 +44,11 @@ def test_following_resumes_after_the_last_event_seen(records, progress, running)
 def test_following_waits_for_what_comes(records, progress, running, monkeypatch):
     monkeypatch.setattr(module, "BLOCK_S", 0.1)
     record, attempt = running
-    threading.Timer(0.5, lambda: records.succeed(record.id, attempt, [], {})).start()
+    later = threading.Timer(0.5, lambda: records.succeed(record.id, attempt, [], {}))
+    later.start()
     events = list(progress.follow(record.id))
+    # it may still be reading Redis's answer, and must not lose its connection to the end of the test
+    later.join()
     assert None in events, "silence is told, so that a connection can be kept open"
     assert events[-1].status == "succeeded"
 
@@ -62,13 +65,15 @@ def test_following_ends_when_the_job_is_deleted(records, progress, running, monk
 def test_an_event_loop_can_follow_too(redis_server, records, running, monkeypatch):
     monkeypatch.setattr(module, "BLOCK_S", 0.1)
     record, attempt = running
-    threading.Timer(0.3, lambda: records.succeed(record.id, attempt, [], {})).start()
+    later = threading.Timer(0.3, lambda: records.succeed(record.id, attempt, [], {}))
+    later.start()
 
     async def statuses(after="0"):
         async with redis.asyncio.Redis.from_url(redis_server.url, decode_responses=True) as client:
             return [event async for event in follow(client, record.id, after) if event is not None]
 
     events = asyncio.run(statuses())
+    later.join()
     assert [event.status for event in events] == ["queued", "running", "succeeded"]
     assert [event.status for event in asyncio.run(statuses(events[1].id))] == ["succeeded"]
     records.delete(record.id)
