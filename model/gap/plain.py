@@ -369,8 +369,7 @@ def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
     places = observation.controllers[0].astype(np.float64)
     near = cKDTree(body.points[np.unique(body.grip[:, 1])]).query(places)[0] <= 1.5 * body.grasp
     near[body.grip[:, 0]] = True
-    places = places[near] if near.any() else places
-    tree = cKDTree(body.points)
+    places, tree = places[near], cKDTree(body.points)
     few = min(UPRIGHT[body.shape], len(body.points))
     held = {int(i) for near in tree.query_ball_point(places, 1.5 * body.grasp) for i in near}
     held |= {int(i) for i in tree.query(places, k=few)[1].ravel()}

@@ -163,7 +163,7 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     points = _posed(twin.body, _sure(here, study.observation), _sure(there, observation))
     twin = replace(twin, body=_told_there(twin.body, here, there, points))
     turned = _held_alike(twin, study.observation, observation, points)
-    twin = turned or _held_anew(twin, observation, points)
+    twin = turned or _held_anew(twin, observation, there, points)
     world = replace(study.plain, twin=twin)
     made = world.at({name: study.base.values.get(name, q.start) for name, q in world.quantities.items()})
     places = torch.from_numpy(points).to(made.system.points)
@@ -273,9 +273,11 @@ def _held_alike(
     return replace(twin, observation=after, controls=steadied(after.controllers, after.times))
 
 
-def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array, "P 3"]) -> PlainTwin:
+def _held_anew(
+    twin: PlainTwin, observation: Observation, seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
+) -> PlainTwin:
     """Held where the hand is now, with the material that it has."""
-    grip = _grip(twin.body, observation, points)
+    grip = _grip(twin.body, observation, seen, points)
     found = PlainTwin.of(replace(twin.body, points=points, grip=grip), observation)
     own = twin.matter
     matter = replace(
@@ -296,7 +298,9 @@ def _held_anew(twin: PlainTwin, observation: Observation, points: Float64[Array,
     )
 
 
-def _grip(body: Body, observation: Observation, points: Float64[Array, "P 3"]) -> Int64[Array, "S 2"]:
+def _grip(
+    body: Body, observation: Observation, seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
+) -> Int64[Array, "S 2"]:
     """Every controller holds the points within its reach, and one that leads the body the nearest to it.
 
     The end that it holds may be nearer to it than it is known to be: what neither recording shows of it is
@@ -305,11 +309,12 @@ def _grip(body: Body, observation: Observation, points: Float64[Array, "P 3"]) -
     Args:
         body: Of the first recording.
         observation: The other recording.
-        points: Where the mass points are in its first frame [m].
+        seen: Where the observed points are in its first frame [m]; NaN for those that are never seen.
+        points: Where the mass points are there [m].
     """
     controllers = observation.controllers[0].astype(np.float64)
     near = grip_of(points, controllers, body.grasp)
-    leading = np.flatnonzero(hiding(points, rest_places(observation), observation, body.spacing))
+    leading = np.flatnonzero(hiding(points, seen, observation, body.spacing))
     far = np.setdiff1d(leading, near[:, 0])
     nearest = cKDTree(points).query(controllers[far])[1]
     return np.concatenate([near, np.stack([far, nearest], axis=1)]).astype(np.int64)
