@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float64
 
+from model.gap.misfit import FINER
 from model.gap.observer import Observer
 from model.gap.world import World
 from model.simulator.divergence import SimulationDiverged
@@ -15,10 +16,6 @@ from model.types import Array
 WINDOW = 0.7
 """Free runs last about as long [s]. Soft bodies that swing are nearly chaotic: after seconds of running free
 a small error of the start is as large as any missing physics, and wrong twins cannot be told apart."""
-
-FINER = (1, 2, 4)
-"""Times as many substeps as stability asks for at rest: a spring that stiffens needs more once it is
-strained, and a twin that is right must not be lost to its time steps."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +67,9 @@ def forecast(observer: Observer, world: World, first: int, state: State | None =
     starts = windows(world.times, first)
     seen = observer.seen.numpy()
     with torch.no_grad():
-        substeps = observer.substeps(world)
-        for times in FINER:
+        substeps = observer.substeps(world, state)
+        # a twin that is right must not be lost to its time steps
+        for times in (1, *FINER):
             expected, free, lost = _led(observer, world, starts, state, times * substeps)
             if not lost:
                 break

@@ -126,11 +126,10 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     if len(hypothesis.effects) < len(one.hypothesis.effects):
         return None
     there = other.followed(one)
-    here, again = one.misfit.of(one.hypothesis), other.misfit(hypothesis)
+    here, again = one.misfit.of(one.hypothesis), there.misfit.freed(hypothesis)
     joint = Joint((here, again))
     found, followed = one.estimate.values, {**one.estimate.values, **there.estimate.values}
-    for misfit, values in ((here, found), (again, followed)):
-        misfit.divide(misfit.coordinates.vector(values))
+    here.divide(here.coordinates.vector(found))
     little = _moderate(one.hypothesis, found)
     own = (plain.estimate.values, elsewhere.estimate.values)
     without = ({**found, **little, **values} for values in own)

@@ -98,6 +98,12 @@ class Misfit(Residuals):
         """The same for another hypothesis."""
         return Misfit(hypothesis, self.observer, self.span, self.noise)
 
+    def freed(self, hypothesis: Hypothesis) -> "Misfit":
+        """The same for another hypothesis of the same world, time divided as finely."""
+        other = self.of(hypothesis)
+        other._substeps = self._substeps
+        return other
+
     def until(self, last: int) -> "Misfit":
         """The same over the frames up to `last`, time divided as finely."""
         return self.through(self.observer, replace(self.span, last=last))
