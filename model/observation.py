@@ -51,8 +51,7 @@ def write_observation(path: Path, observation: Observation) -> None:
     Raises:
         InputError: nothing can be written at `path`.
     """
-    arrays = {name: getattr(observation, name) for name in NAMES}
-    kept = {name: np.asarray(value) for name, value in arrays.items() if value is not None}
+    kept = _arrays(observation)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **kept)
 
@@ -83,6 +82,20 @@ def parse_observation(arrays: Mapping[str, Array], name: str) -> Observation:
         colors=_per_point(arrays, "colors", (points.shape[1], 3), np.uint8, name),
         parts=_per_point(arrays, "parts", (points.shape[1],), np.int64, name),
     )
+
+
+def checked(observation: Observation, name: str) -> Observation:
+    """An observation that keeps the contract, as one that was read does.
+
+    Raises:
+        InputError: it does not, as where a tracker has lost everything; `name` is its source.
+    """
+    return parse_observation(_arrays(observation), name)
+
+
+def _arrays(observation: Observation) -> dict[str, Array]:
+    values = {name: getattr(observation, name) for name in NAMES}
+    return {name: np.asarray(value) for name, value in values.items() if value is not None}
 
 
 SHAPES = {
@@ -177,8 +190,10 @@ def _per_point(
     values = arrays[key]
     _expect(values.shape == shape, name, key, f"shape {list(shape)}", f"{list(values.shape)}")
     limits = np.iinfo(kind)
-    whole = values.dtype.kind in "iu" and values.min() >= limits.min and values.max() <= limits.max
-    _expect(bool(whole), name, key, f"{np.dtype(kind).name} numbers", f"{values.dtype} beyond that")
+    numbers = f"{np.dtype(kind).name} numbers"
+    _expect(values.dtype.kind in "iu", name, key, numbers, f"{values.dtype}")
+    low, high = int(values.min()), int(values.max())
+    _expect(low >= limits.min and high <= limits.max, name, key, numbers, f"{low} to {high}")
     return values.astype(kind)
 
 

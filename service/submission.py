@@ -84,6 +84,10 @@ class Submission:
                     raise ProblemError("bad-input", f"{name} and {each.instead} are there: send one of them")
                 if name in upload.files and each.beside and each.beside not in upload.files:
                     raise ProblemError("bad-input", f"{name} is there without {each.beside}: send both")
+            for option, name in self.resource.kind.about.items():
+                usual = self.resource.kind.options.model_fields[option].default
+                if name not in upload.files and record.options[option] != usual:
+                    raise ProblemError("bad-input", f"{option} is about a {name}, and none is there")
             looked_at = {name: (inputs[name].inspection, file.path) for name, file in upload.files.items()}
             suffixes = await front.inspector.inspect(looked_at)
             paths = {name: (file.path, suffixes[name]) for name, file in upload.files.items()}

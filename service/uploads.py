@@ -22,8 +22,10 @@ from service.multipart import FormReader
 from service.settings import MEBIBYTE
 
 BYTES = "application/octet-stream"
-RAW_TYPES = (BYTES, "binary/octet-stream", "application/mp4", "application/x-matroska")
-"""Media types of a body that is the file itself, besides `video/*`."""
+RAW_TYPES = (BYTES, "binary/octet-stream")
+"""Media types of a body that is the file itself, whatever it is."""
+VIDEO_TYPES = ("application/mp4", "application/x-matroska")
+"""Those of one that is a video, besides `video/*`."""
 FORM_OVERHEAD = MEBIBYTE
 """Bytes of a form that are not its files."""
 LINGER_BYTES = 16 * MEBIBYTE
@@ -211,7 +213,7 @@ def _content_type(request: Request, names: Sequence[str]) -> tuple[str | None, s
         if not isinstance(boundary, str) or not boundary:
             raise ProblemError("bad-request", "the Content-Type of a form needs a boundary")
         return None, boundary
-    if media_type.startswith("video/") and "video" in names:
+    if (media_type.startswith("video/") or media_type in VIDEO_TYPES) and "video" in names:
         return "video", ""
     if media_type in RAW_TYPES:
         return names[0], ""

@@ -37,6 +37,11 @@ def carrying(world: World, records: Sequence[EffectRecord]) -> World:
     return world
 
 
+def able(world: World, records: Sequence[EffectRecord]) -> tuple[EffectRecord, ...]:
+    """Those of the records whose effects can act in a world, as what the ground does cannot in the air."""
+    return tuple(record for record in records if CATALOGUE[record.name]().unable(world) is None)
+
+
 def values_of(record: EffectRecord, where: str) -> dict[str, float]:
     """The value of each quantity of a record's effect.
 

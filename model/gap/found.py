@@ -8,7 +8,7 @@ from jaxtyping import Float64
 
 from model.gap.account import Account
 from model.gap.acts_on import Acting
-from model.gap.carried import record_of
+from model.gap.carried import able, record_of
 from model.gap.closure import Closed
 from model.gap.confirm import Confirmed, Fitted
 from model.gap.evidence import Evidence
@@ -94,9 +94,17 @@ class Found:
                 phases=self.located.phases,
                 acts_on=(0.0,) * count if tried.acting is None else tuple(tried.acting.points.tolist()),
             ),
-            sources=sources(self.here.closure, self.study, left.hypothesis, left.estimate),
+            sources=sources(self.here.closure, self.study, left.hypothesis, left.estimate, self._first()),
             warnings=self._warnings(),
         )
+
+    def _first(self) -> float | None:
+        """Error on held-out time with the first of two effects alone [m]; None: there are no two."""
+        chosen = self.tried.chosen
+        if chosen is None or len(chosen.hypothesis.effects) < 2:
+            return None
+        first = chosen.hypothesis.effects[0].name
+        return next((one.foretold.error for name, one in self.tried.confirmed.items() if name == first), None)
 
     def _finding(self, name: EffectName) -> EffectFinding:
         chance = self.tried.verdict.chances[name]
@@ -130,6 +138,13 @@ class Found:
             "nothing: nothing that was seen goes with it"
             for away in self.study.plain.twin.idle
         ]
+        twin = self.study.plain.twin
+        acts = able(self.plain.world, twin.carried)
+        said += [
+            f"{record.name}, which the twin carries, cannot act in this recording: it is left out"
+            for record in twin.carried
+            if record not in acts
+        ]
         said += self.located.warnings
         idle = self.there is not None and self.there.idle
         if idle and chosen is not None:
@@ -144,7 +159,8 @@ class Found:
                 tail = f": {motion} to tell them apart" if motion else ""
                 said.append(f"this recording cannot tell {effect.name} from {name}{tail}")
             acting, where = self.tried.acting, chosen.hypothesis.where
-            if acting is not None and acting.local and where is None:
+            alone = len(chosen.hypothesis.effects) == 1  # two are fitted everywhere
+            if acting is not None and acting.local and where is None and alone:
                 said.append(
                     "where it acts (`where.acts_on`) is told by a linear test: fitted there alone it leaves "
                     "no less, so its strength, and a saved twin, are of it acting everywhere"

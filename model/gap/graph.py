@@ -41,8 +41,9 @@ class Graph:
 
     @classmethod
     def of(cls, bundle: TwinBundle) -> "Graph":
-        """The graph of a twin."""
+        """The graph of a twin, without springs of the hand that have no stiffness: these hold nothing."""
         topology, parameters = bundle.topology, bundle.parameters
+        holds = parameters.controller_stiffness > 0.0
         return cls(
             topology.points.astype(np.float64),
             topology.mass.astype(np.float64),
@@ -51,9 +52,9 @@ class Graph:
             parameters.stiffness.astype(np.float64),
             scalar(parameters, "dashpot_damping", 0.0),
             topology.controller_points.astype(np.float64),
-            topology.controller_springs.astype(np.int64),
-            topology.controller_rest_length.astype(np.float64),
-            parameters.controller_stiffness.astype(np.float64),
+            topology.controller_springs[holds].astype(np.int64),
+            topology.controller_rest_length[holds].astype(np.float64),
+            parameters.controller_stiffness[holds].astype(np.float64),
         )
 
     @property

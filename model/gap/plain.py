@@ -14,7 +14,7 @@ from model.gap.bodies.body import Body
 from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.hold import Hold
-from model.gap.carried import carrying
+from model.gap.carried import able, carrying
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
 from model.gap.slight_bending import slight_bending
@@ -159,7 +159,7 @@ class PlainTwin:
     """Where the other ends of the springs of the grip are [m]: controllers without the noise of their
     measurement, or places of what they hold."""
     carried: tuple[EffectRecord, ...] = ()
-    """Effects that a given twin has already."""
+    """Effects that a given twin has already; those that cannot act in the recording do not."""
     along: Body | None = None
     """Along whose axes stiffness varies, as of a coarser twin that was fitted; None: the body's own."""
 
@@ -303,7 +303,8 @@ class PlainTwin:
             world = world if bending is None else world.with_force(bending)
         if matter.slackness:
             world = world.with_force(wrinkling(world, matter.slackness))
-        return carrying(world, self.carried) if self.carried else world
+        # another recording may have no ground, or nothing that holds the object
+        return carrying(world, able(world, self.carried)) if self.carried else world
 
     def _grip(self, values: Values) -> Float[Tensor, "*b S"]:
         """Stiffness of the springs of the hand [N/m]: full where it is, fading with distance."""

@@ -28,13 +28,16 @@ SCALE, DRIFT = 0.02, 0.01
 """Usual sizes of what a camera errs by: of the way of the whole object, [m] by the last frame."""
 
 
-def sources(closure: Closure, study: Study, hypothesis: Hypothesis, left: Estimate) -> Sources:
+def sources(
+    closure: Closure, study: Study, hypothesis: Hypothesis, left: Estimate, first: float | None = None
+) -> Sources:
     """Shares of the squared gap of the twin as it came, on held-out time.
 
     With E the errors of `closure`, each no larger than the one before:
 
     - parameters: E² of the baseline less E² of the refit;
-    - physics: that less E² with the effect; of an effect of the hand it is counted as actuation;
+    - physics: that less E² with the effect; of an effect of the hand it is counted as actuation. Of two
+      effects the first has what it takes away alone, the second the rest;
     - perception: E² of the noise floor;
     - what is left between effect and floor is perception as far as a wrong scale of the object's way or a
       slow drift would explain it, actuation as far as a delay, a gain or an offset of the hand would, and
@@ -49,6 +52,7 @@ def sources(closure: Closure, study: Study, hypothesis: Hypothesis, left: Estima
         study: The plain twin, fitted.
         hypothesis: With the verdict's effects, the first one first, where they act; or the plain twin.
         left: What leaves the rest: its fit.
+        first: E with the first of two effects alone [m].
     """
     refit = min(closure.refit, closure.baseline)
     with_effect = refit if closure.with_effect is None else min(closure.with_effect, refit)
@@ -59,12 +63,16 @@ def sources(closure: Closure, study: Study, hypothesis: Hypothesis, left: Estima
     named = (refit**2 - with_effect**2) / whole
     rest = (with_effect**2 - floor**2) / whole
     seen, moved = _explained(study, hypothesis, left) if rest > 0 else (0.0, 0.0)
-    by_hand = bool(hypothesis.effects) and hypothesis.effects[0].acts == "hand"
+    between = with_effect if first is None else min(max(first, with_effect), refit)
+    each = (refit**2 - between**2) / whole, (between**2 - with_effect**2) / whole
+    by_hand = sum(
+        share for share, effect in zip(each, hypothesis.effects, strict=False) if effect.acts == "hand"
+    )
     found = {
         "perception": floor**2 / whole + seen * rest,
-        "actuation": moved * rest + (named if by_hand else 0.0),
+        "actuation": moved * rest + by_hand,
         "parameters": 1.0 - refit**2 / whole,
-        "physics": 0.0 if by_hand else named,
+        "physics": named - by_hand,
     }
     shares = {name: float(np.clip(share, 0.0, 1.0)) for name, share in found.items()}
     return Sources(**shares, unexplained=float(np.clip(1.0 - sum(shares.values()), 0.0, 1.0)))

@@ -16,6 +16,7 @@ from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.hidden import hiding
 from model.gap.bodies.rest import rest_places
+from model.gap.carried import able
 from model.gap.confirm import Fitted
 from model.gap.estimate import Estimate, estimate
 from model.gap.forecast import Forecast, forecast
@@ -26,6 +27,7 @@ from model.gap.observer import Observer
 from model.gap.plain import HAND, HOLD, PlainTwin
 from model.gap.prestress import Rest
 from model.gap.study import LEAST_NOISE, PATIENCE, STEPS, Study
+from model.gap.world import World
 from model.simulator.system import State
 from model.types import Array, Observation
 
@@ -166,6 +168,7 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     twin = turned or _held_anew(twin, observation, there, points)
     world = replace(study.plain, twin=twin)
     made = world.at({name: study.base.values.get(name, q.start) for name, q in world.quantities.items()})
+    _say_idle(twin, made)
     places = torch.from_numpy(points).to(made.system.points)
     times = observation.times - observation.times[0]
     first = max(int(np.searchsorted(times, SETTLING * PATIENCE)), round(LOOKED_AT * len(times)))
@@ -174,6 +177,17 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     noise = noise_of(observation)
     own = _own(study, world, state, observer, first, noise)
     return Transferred(twin, state, observer, first, own, noise)
+
+
+def _say_idle(twin: PlainTwin, world: World) -> None:
+    """Warn of effects that the twin carries and that have nothing to act on there."""
+    acts = able(world, twin.carried)
+    for record in twin.carried:
+        if record not in acts:
+            warnings.warn(
+                f"{record.name}, which the twin carries, cannot act in the other recording: it is left out",
+                stacklevel=4,
+            )
 
 
 def _own(

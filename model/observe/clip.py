@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float32, Float64, Int
+from jaxtyping import Bool, Float32, Float64, Int, Int64
 
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.parameters import gravity, ground_height
 from model.lifting import visible_gaussians
+from model.observation import checked
 from model.observe.lift import controllers_at, inside_masks, lift
 from model.prompt import read_prompt
 from model.segmentation import Segmenter
@@ -68,7 +69,7 @@ def observe_clip(
     tracks = tracker(frames, queries, keyframe)
     report("simulation", 0.8)
     times = frames.times[keyframe:] - frames.times[keyframe]
-    observation = lift_tracks(twin, camera, chosen, tracks, masks, times)
+    observation = checked(lift_tracks(twin, camera, chosen, tracks, masks, times), frames.name)
     report("done", 1.0)
     return observation
 
@@ -151,7 +152,16 @@ def lift_tracks(
         ground_height=ground_height(twin.parameters),
         gravity=gravity(twin.parameters),
         colors=(twin.gaussians.visible_colors[chosen] * 255.0).round().astype(np.uint8),
+        parts=_parts(twin, chosen),
     )
+
+
+def _parts(twin: TwinBundle, chosen: Int[Array, " N"]) -> Int64[Array, " N"] | None:
+    """Part of each chosen Gaussian, that of the mass point that moves it most; None: there is one alone."""
+    topology = twin.topology
+    nearest = topology.binding_weight[chosen].argmax(axis=1)
+    part = topology.part[topology.binding_index[chosen, nearest]].astype(np.int64)
+    return part if len(np.unique(part)) > 1 else None
 
 
 def _carried(

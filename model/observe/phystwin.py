@@ -79,15 +79,19 @@ def _required(arrays: dict[str, Array], key: str, name: str) -> Array:
 def _seen(arrays: dict[str, Array], shape: tuple[int, ...], name: str) -> Bool[Array, "T N"]:
     seen = np.ones(shape, bool)
     visible, valid = arrays.get("object_visibilities"), arrays.get("object_motions_valid")
-    for key, flags in (("object_visibilities", visible), ("object_motions_valid", valid)):
-        if flags is not None and (flags.ndim != 2 or flags.shape[1] != shape[1]):
+    # row t of the second judges the motion from frame t to t + 1: the last frame needs none
+    wanted = (("object_visibilities", visible, shape[0]), ("object_motions_valid", valid, shape[0] - 1))
+    for key, flags, rows in wanted:
+        if flags is None:
+            continue
+        if flags.ndim != 2 or flags.shape[1] != shape[1] or len(flags) < rows:
             raise InputError(f"{name}: {key}: expected shape {list(shape)}, found {list(flags.shape)}")
+        if not np.isfinite(flags).all():
+            raise InputError(f"{name}: {key}: expected true or false, found NaN or infinity")
     if visible is not None:
-        count = min(len(visible), shape[0])
-        seen[:count] &= visible[:count].astype(bool)
-    if valid is not None:  # its row t judges the motion from frame t to t + 1
-        count = min(len(valid), max(shape[0] - 1, 0))
-        seen[1 : count + 1] &= valid[:count].astype(bool)
+        seen &= visible[: shape[0]].astype(bool)
+    if valid is not None:
+        seen[1:] &= valid[: max(shape[0] - 1, 0)].astype(bool)
     return seen
 
 

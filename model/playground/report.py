@@ -9,6 +9,8 @@ from scipy.spatial import cKDTree
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.gap.bodies.first import first_places
+from model.gap.graph import Graph
+from model.gap.registration import onto_twin
 from model.gap.schema import GapReport
 from model.observation import read_observation
 from model.playground.colors import Where
@@ -54,7 +56,9 @@ def read_where(report: Path, bundle: TwinBundle, observation: Path | None = None
 
 def _nearest(observation: Path, bundle: TwinBundle, count: int, report: str) -> Int64[Array, "N k"]:
     """The observed points nearest to each point of the twin."""
-    places = first_places(read_observation(observation))
+    graph = Graph.of(bundle)
+    # where the diagnosis has looked at it
+    places = first_places(onto_twin(read_observation(observation), graph.points, graph.spacing))
     if len(places) != count:
         raise InputError(
             f"{observation.name}: {len(places)} points, {report} has {count}: give the one it is about"

@@ -82,13 +82,13 @@ def _make(
     number: int,
 ) -> str:
     """One object's cases, as files. A world that diverges is left out; returns what to say of it, if so."""
-    from model.scenes.world.cases import draw_cases
+    from model.scenes.world.cases import LeftTheRoom, draw_cases
     from model.simulator.divergence import SimulationDiverged
 
     try:
         with one_thread():
             cases = draw_cases(seed, number, classes[number % len(classes)], interactions)
-    except SimulationDiverged as error:
+    except (SimulationDiverged, LeftTheRoom) as error:
         return f"object {number} of seed {seed} is left out: {error}"
     for case in cases:
         save_case(case, folder / f"{case.name}{SUFFIX}")

@@ -14,7 +14,7 @@ ACCEPTED: Mapping[str, str] = {
     "mesh": ".glb,.obj,.ply",
     "depth": "image/png,.npy",
     "controllers": ".npz",
-    "observation": ".npz,video/*,.mp4,.mov,.mkv,.webm,.avi",
+    "observation": ".npz",
     "transfer": ".npz",
 }
 """Which files the browser proposes for an input; others are proposed all. The service checks what it gets."""

@@ -89,6 +89,8 @@ class Kind(ABC):
     """What a request may choose."""
     inputs: ClassVar[Mapping[str, Input]] = {}
     """The files a request may bring, by name."""
+    about: ClassVar[Mapping[str, str]] = {}
+    """Options that say something of one of these files alone, and of which one."""
     limit_s: ClassVar[float]
     """How long an attempt may take [s]."""
     memory_bytes: ClassVar[int] = 4 * GIBIBYTE

@@ -31,6 +31,7 @@ class DiagnosisKind(Kind):
         "transfer": Input("observation"),
         "mask": Input("image", beside="video"),
     }
+    about: ClassVar[Mapping[str, str]] = {"segmentation": "video", "tracking": "video"}
     limit_s: ClassVar[float] = 1800.0
 
     def run(self, run: Run) -> Outcome:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
+from model.formats.files import check_writable, replacing
 
 PLAIN, SEALED, LOG = "labels.json", "labels.sealed", "opened.json"
 MAGIC = b"sealed labels of matphys worlds\n"
@@ -51,13 +52,16 @@ def seal(text: bytes) -> bytes:
 
 
 def check_labels(folder: Path) -> None:
-    """See that there are labels, before hours of work whose worth they tell.
+    """See that there are labels, and that it can be logged when they are opened, before hours of work.
 
     Raises:
-        InputError: there are none.
+        InputError: there are none, or nothing can be written beside sealed ones.
     """
-    if not (folder / PLAIN).is_file() and not (folder / SEALED).is_file():
+    if (folder / PLAIN).is_file():
+        return
+    if not (folder / SEALED).is_file():
         raise InputError(f"{folder}: expected {PLAIN} or {SEALED} beside the worlds, found neither")
+    check_writable(folder / LOG)
 
 
 def unseal(path: Path) -> list[Label]:
@@ -85,10 +89,14 @@ def masked(data: bytes) -> bytes:
 
 
 def _log(log: Path, predictions: Path) -> None:
-    entries = json.loads(log.read_text()) if log.is_file() else []
+    try:
+        entries = json.loads(log.read_text()) if log.is_file() else []
+    except ValueError:
+        raise InputError(f"{log}: expected the log of when labels were opened, found no JSON") from None
     digest = hashlib.sha256(predictions.read_bytes()).hexdigest()
     entries.append({"predictions": digest, "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())})
-    log.write_text(json.dumps(entries, indent=1))
+    with replacing(log) as temporary:
+        temporary.write_text(json.dumps(entries, indent=1))
 
 
 def _parsed(text: bytes, path: Path) -> list[Label]:

@@ -10,7 +10,6 @@ from model.gap.report.wording import (
     millimetres,
     percent,
     plain,
-    verb,
 )
 from model.gap.schema import SOURCE_NAMES, GapReport
 
@@ -88,11 +87,12 @@ def _time(report: GapReport) -> str:
 
 
 def _acting(report: GapReport) -> str:
-    name, acts = added(report), report.where.acts_on
-    if name is None or not any(acts):
+    acts = report.where.acts_on
+    if report.named is None or not any(acts):
         return ""
     strong = sum(value >= 0.5 for value in acts) / len(acts)
-    acting = f"{name.capitalize()} {verb(report, 'acts', 'act')}"
+    # of two effects the place is told of the first
+    acting = f"{plain(report.named.name).capitalize()} acts"
     if strong >= EVERYWHERE:
         return f"{acting} on the whole object."
     return f"{acting} mainly on {percent(strong)} of the points."

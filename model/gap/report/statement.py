@@ -89,7 +89,11 @@ def _elsewhere(report: GapReport) -> str:
     other = report.gap.transfer
     if other is None or other.with_effect is None:
         return ""
-    if other.with_effect >= other.refit:
+    if other.with_effect == other.refit:
+        return (
+            f"; on the other interaction, where it does not act, the error stays {millimetres(other.refit)}"
+        )
+    if other.with_effect > other.refit:
         change = f"{millimetres(other.refit)} to {millimetres(other.with_effect)}"
         return f"; on the other interaction it helps nothing ({change})"
     if other.closed_fraction is None:

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float32, Float64
 from scipy.spatial.transform import Rotation
 
+from model.errors import InputError
 from model.predictor.prior_mean import PriorMeanPredictor
 from model.priors.materials import normalised
 from model.scenes.case import Anchors, Case, Interaction, ObjectClass
@@ -36,6 +37,18 @@ SPLIT = 0.7
 """Share of the frames that may be learned from."""
 INTERACTIONS = (3, 4)
 """Per object."""
+ROOM = 10.0
+"""No hand moves anything farther from where it lay [m]: a world in which something gets there diverged."""
+
+
+class LeftTheRoom(InputError):
+    """A world that is finite, and no world that there is."""
+
+    def __init__(self, frame: int, away: float) -> None:
+        """Say it in one line."""
+        super().__init__(
+            f"the simulation diverged: in frame {frame} a point is {away:.2g} m from where it lay"
+        )
 
 
 def draw_cases(
@@ -51,6 +64,7 @@ def draw_cases(
 
     Raises:
         SimulationDiverged: a state of the world is not finite.
+        LeftTheRoom: one is, and nowhere.
     """
     rng = np.random.default_rng([seed, index])
     kind = object_class or CLASSES[index % len(CLASSES)]
@@ -78,6 +92,7 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
         script.times,
         STANDARD_GRAVITY,
     )
+    _check_near(moved)
     surface = _surface(thing, moved)
     cameras = look(surface, script.hands, 1 if sensor == "camera" else RIG, rng)
     visible = seen(surface, script.hands, cameras)
@@ -92,6 +107,14 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
         measured = lifted(points, replay(case, reference(thing, case)), case.camera, rng)
     measured[~interrupted(visible[:, chosen], rng)] = np.nan
     return replace(case, observation=replace(case.observation, points=measured))
+
+
+def _check_near(moved: Float32[Array, "T P 3"]) -> None:
+    """See that nothing has flown off."""
+    away = np.linalg.norm(moved - moved[0], axis=-1).max(axis=1)
+    if (away > ROOM).any():
+        frame = int((away > ROOM).argmax())
+        raise LeftTheRoom(frame, float(away[frame]))
 
 
 def reference(thing: Thing, case: Case) -> Parameters:

@@ -9,7 +9,7 @@ from model.errors import InputError
 from model.gap.bodies.body import body_of
 from model.gap.by_graph import by_graph
 from model.gap.carried import record_of
-from model.gap.effects import BendingStiffness, QuadraticAirDrag
+from model.gap.effects import BendingStiffness, GroundAdhesion, QuadraticAirDrag
 from model.gap.given import bound, given_twin
 from model.gap.graph import Graph
 from model.gap.hypothesis import Hypothesis
@@ -33,9 +33,13 @@ def filmed(twin: TwinBundle, every: int = 2) -> Observation:
     return Observation(times=times, points=points[:, ::every], controllers=twin.controls)
 
 
-def at_start(plain):
+def at_world(plain):
     hypothesis = Hypothesis(plain)
-    world = hypothesis.at({name: q.start for name, q in hypothesis.quantities.items()})
+    return hypothesis.at({name: q.start for name, q in hypothesis.quantities.items()})
+
+
+def at_start(plain):
+    world = at_world(plain)
     with torch.no_grad():
         return world.sight(world.rollout(substeps=200).points).numpy()
 
@@ -54,6 +58,30 @@ def test_effects_that_it_carries_go_on(twin):
         np.abs(at_start(given_twin(t, observation)) - observation.points).max() for t in (slowed, twin)
     )
     assert with_it < 0.1 * without
+
+
+def test_those_that_cannot_act_in_a_recording_are_left_out(twin):
+    sticky = record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01})
+    sticking = replace(twin, effects=(sticky, record_of(QuadraticAirDrag, {"drag_per_mass": 30.0})))
+    plain = given_twin(sticking, filmed(twin))
+    assert plain.observation.ground_height is None
+    names = set(at_world(plain).simulator.forces)
+    assert "quadratic_air_drag" in names
+    assert "adhesion" not in names
+    on_table = replace(filmed(twin), ground_height=float(twin.topology.points[:, 2].min()))
+    with pytest.warns(UserWarning, match="the observation has a ground"):
+        lying = given_twin(sticking, on_table)
+    assert "adhesion" in at_world(lying).simulator.forces
+
+
+def test_springs_of_the_hand_without_stiffness_hold_nothing(twin):
+    stiffness = twin.parameters.controller_stiffness.copy()
+    assert len(stiffness) > 1
+    stiffness[1:] = 0.0
+    loose = replace(twin, parameters=replace(twin.parameters, controller_stiffness=stiffness))
+    plain = given_twin(loose, filmed(loose))
+    np.testing.assert_array_equal(plain.body.grip, twin.topology.controller_springs[:1])
+    assert np.isfinite(at_start(plain)).all()
 
 
 def test_a_finer_twin_is_made_coarser(twin):

@@ -46,7 +46,7 @@ def test_an_effect_of_the_hand_is_actuation(hung, studied, fitted):
     assert found.actuation >= (100 - 36) / 400
 
 
-def test_two_effects_are_what_was_fitted_and_the_first_says_whose_they_are(hung, studied):
+def test_of_two_effects_the_first_has_what_it_takes_away_alone(hung, studied):
     study = studied(hung)
     both = (StrainStiffening(), ActuationDelay())
     misfit = study.misfit.of(replace(study.plain, effects=both))
@@ -56,9 +56,12 @@ def test_two_effects_are_what_was_fitted_and_the_first_says_whose_they_are(hung,
     left = Estimate(
         misfit.coordinates.values(vector), vector, misfit(vector[None])[0], misfit.jacobian(vector), 0
     )
-    found = sources(GAP, study, misfit.hypothesis, left)
-    assert found.physics == pytest.approx((100 - 36) / 400)
-    assert sources(GAP, study, replace(study.plain, effects=both[::-1]), left).physics == 0.0
+    late = replace(study.plain, effects=both[::-1])
+    for first, alone in ((0.008, 100 - 64), (0.012, 0), (0.004, 100 - 36)):
+        found = sources(GAP, study, misfit.hypothesis, left, first)
+        assert found.physics == pytest.approx(alone / 400), "what stiffens, no more than there is"
+        assert sources(GAP, study, late, left, first).physics == pytest.approx((64 - alone) / 400)
+        assert sum(getattr(found, name) for name in SOURCE_NAMES) == pytest.approx(1.0)
 
 
 def test_a_late_hand_is_actuation(hung, studied):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from model.errors import InputError
+from model.gap.carried import record_of
 from model.gap.confirm import Fitted
-from model.gap.effects import GravityTilt
+from model.gap.effects import GravityTilt, GroundAdhesion
 from model.gap.forecast import forecast
 from model.gap.transfer import transferred
 
@@ -100,6 +101,19 @@ def test_what_is_held_elsewhere_is_held_anew(sheet):
     found = transferred(sheet, replace(sheet.observation, controllers=hands))
     held = found.twin.body.points[found.twin.body.grip[:, 1]]
     assert held[:, 2].max() < sheet.plain.twin.body.points[sheet.plain.twin.body.grip[:, 1]][:, 2].min()
+
+
+def test_an_effect_that_the_twin_carries_is_left_out_where_it_cannot_act(sheet):
+    """As what the ground does, of a recording in the air."""
+    low = replace(sheet.observation, ground_height=float(np.nanmin(sheet.observation.points[..., 2])))
+    sticky = (record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01}),)
+    lying = replace(sheet.plain, twin=replace(sheet.plain.twin, observation=low, carried=sticky))
+    assert "adhesion" in lying.at(sheet.start | {"friction": 0.5}).simulator.forces
+    with pytest.warns(UserWarning, match="adhesion, which the twin carries, cannot act in the other"):
+        found = transferred(replace(sheet, plain=lying), sheet.observation)
+    hanging = found.hypothesis(lying)
+    values = {name: quantity.start for name, quantity in hanging.quantities.items()}
+    assert "adhesion" not in hanging.at(values).simulator.forces
 
 
 @pytest.mark.parametrize("leads", [True, False])

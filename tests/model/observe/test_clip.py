@@ -66,6 +66,12 @@ def test_perfect_tracks_are_lifted_onto_the_twin(filmed: TwinBundle, camera: Cam
     unseen = np.isnan(seen.points[..., 0])
     np.testing.assert_array_equal(np.argwhere(unseen), [[2, 2], [3, 0]])
     np.testing.assert_allclose(seen.points[~unseen], moved[~unseen], atol=2e-4)
+    topology = filmed.topology
+    np.testing.assert_array_equal(seen.parts, topology.part[topology.binding_index[chosen, 0]])
+    one = replace(filmed, topology=replace(topology, part=np.zeros_like(topology.part)))
+    with pytest.warns(UserWarning, match="depth comes from the twin"):
+        seen = lift_tracks(one, camera, chosen, Tracks(pixels, visible), masks, times)
+    assert seen.parts is None, "of one part: thirds of it say more"
 
 
 def test_a_camera_of_another_size_is_fitted(filmed: TwinBundle, camera: Camera):
@@ -87,6 +93,29 @@ def test_refuses_another_clip_and_a_twin_without_camera(bundle: TwinBundle, came
             lambda stage, _: told.append(stage),
         )
     assert told == [], "refused before any work"
+
+
+def test_what_is_lost_after_the_keyframe_is_refused(filmed: TwinBundle, tmp_path: Path):
+    """Who follows the clip in the end finds nothing that a diagnosis could be of."""
+    for index in range(6):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), np.zeros((*SIZE, 3), np.uint8))
+
+    class Whole(ClassicalSegmenter):
+        def __call__(self, frames: Frames, prompt: Prompt) -> Masks:
+            inside = np.ones((len(frames.images), *SIZE), bool)
+            return Masks(inside, ~inside, keyframe=1)
+
+    class Lost(OpenCVTracker):
+        def __call__(self, frames: Frames, queries: np.ndarray, keyframe: int) -> Tracks:
+            visible = np.zeros((len(frames.images), len(queries)), bool)
+            visible[keyframe] = True
+            return Tracks(np.repeat(queries[None], len(visible), axis=0), visible)
+
+    with (
+        pytest.raises(InputError, match="points: expected points seen in 2 frames, found only one"),
+        pytest.warns(UserWarning, match="depth comes from the twin"),
+    ):
+        observe_clip(tmp_path, filmed, Whole(), Lost(), lambda stage, _: None, fps=30.0)
 
 
 def test_a_folder_of_images_is_observed_at_the_rate_that_was_asked_for(filmed: TwinBundle, tmp_path: Path):

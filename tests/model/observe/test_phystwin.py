@@ -68,6 +68,15 @@ def test_hidden_and_invalid_points_are_not_seen(tmp_path: Path):
         ({"controller_points": np.zeros((8, 4, 2))}, "controller_points: expected shape [T, C, 3], found"),
         ({"controller_points": np.array(1.0)}, "controller_points: expected shape [T, C, 3], found []"),
         ({"object_visibilities": np.ones((FRAMES, 2))}, "object_visibilities: expected shape [8, 5]"),
+        (
+            {"object_visibilities": np.zeros((1, POINTS))},
+            "object_visibilities: expected shape [8, 5], found [1",
+        ),
+        ({"object_motions_valid": np.ones((3, POINTS))}, "object_motions_valid: expected shape [8, 5]"),
+        (
+            {"object_visibilities": np.full((FRAMES, POINTS), np.nan)},
+            "object_visibilities: expected true or false, found NaN",
+        ),
         ({"object_colors": np.ones((2, 3))}, "object_colors: expected shape [T, 5, 3], found [2, 3]"),
         ({"object_points": np.zeros((0, POINTS, 3))}, "times: expected at least 2 frames, found 0"),
         ({"object_points": case()["object_points"] * 1000}, "points: expected an object of 0.001 to 10 m"),

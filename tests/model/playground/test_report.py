@@ -82,6 +82,15 @@ def test_each_point_takes_what_is_observed_around_it(report, twin, tmp_path):
     assert where.effect[3] == 0.0
 
 
+def test_an_observation_that_lies_elsewhere_is_laid_on_the_twin_first(report, twin, tmp_path):
+    """As the diagnosis does it, that the report is of."""
+    folder, away = report(27), np.float32([1.0, 0.0, 0.0])
+    there = read_where(folder, twin, seen(tmp_path, twin.topology.points))
+    with pytest.warns(UserWarning, match="moved"):
+        moved = read_where(folder, twin, seen(tmp_path, twin.topology.points + away))
+    np.testing.assert_allclose(moved.gap, there.gap, atol=1e-6)
+
+
 def test_no_report_is_refused(tmp_path, twin):
     with pytest.raises(InputError, match="cannot be read"):
         read_where(tmp_path, twin)

@@ -73,6 +73,24 @@ def test_a_folder_with_cases_is_left_alone(tmp_path):
         generate(tmp_path, 1)
 
 
+def test_a_world_that_flies_off_is_left_out_and_said(tmp_path, monkeypatch):
+    from model.scenes.world import cases
+
+    whole = cases.run_world
+
+    def lost(*args):
+        moved = whole(*args).copy()
+        moved[7:, 0] += 1e6
+        return moved
+
+    monkeypatch.setattr(cases, "run_world", lost)
+    with pytest.warns(
+        UserWarning, match=r"0 of seed 4 is left out: .* in frame 7 a point is 1\.7e\+06 m from"
+    ):
+        index = generate(tmp_path, 1, seed=4, classes=("cloth",), interactions=1)
+    assert not index.cases
+
+
 def test_a_world_that_diverges_is_left_out_and_said(tmp_path, monkeypatch):
     from model.scenes.world import cases
 

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import pytest
 
 VIDEO = {"Content-Type": "video/mp4"}
@@ -28,20 +30,31 @@ def test_an_observation_is_taken_and_its_report_given(serving, http, twin, obser
     assert page.headers["Content-Disposition"].startswith("attachment")
 
 
-def test_a_video_is_taken_in_its_place(http, twin, clip):
-    answer = http.post(f"/twins/{twin}/diagnoses", content=clip, headers=VIDEO)
+@pytest.mark.parametrize("media_type", ["video/mp4", "application/mp4"])
+def test_a_video_is_taken_in_its_place(serving, http, twin, clip, media_type):
+    answer = http.post(f"/twins/{twin}/diagnoses", content=clip, headers={"Content-Type": media_type})
     assert answer.status_code == 202, answer.text
+    assert set(serving.records.get(answer.json()["id"]).inputs) == {"video"}
 
 
-def test_a_second_interaction_and_options_come_in_a_form(serving, http, twin, observation):
-    files = {"observation": observation, "transfer": observation}
+def test_how_a_video_is_looked_at_says_nothing_of_an_observation(http, twin, observation):
+    asked = {"files": {"observation": observation}, "data": {"tracking": "cotracker"}}
+    answer = http.post(f"/twins/{twin}/diagnoses", **asked)
+    assert answer.status_code == 422
+    assert answer.json()["detail"] == "tracking is about a video, and none is there"
+    usual = {"files": {"observation": observation}, "data": {"tracking": "opencv"}}
+    assert http.post(f"/twins/{twin}/diagnoses", **usual).status_code == 202
+
+
+def test_a_second_interaction_and_options_come_in_a_form(serving, http, twin, observation, clip):
+    files = {"video": clip, "transfer": observation}
     answer = http.post(f"/twins/{twin}/diagnoses", files=files, data={"tracking": "cotracker"})
     assert answer.status_code == 202, answer.text
     job = answer.json()
     assert job["options"]["tracking"] == "cotracker"
     record = serving.records.get(job["id"])
-    assert set(record.inputs) == {"observation", "transfer"}
-    assert all(key.endswith(".npz") for key in record.inputs.values())
+    assert set(record.inputs) == {"video", "transfer"}
+    assert [Path(key).suffix for key in sorted(record.inputs.values())] == [".npz", ".mp4"]
 
 
 def test_the_same_request_gives_the_same_job(http, twin, observation):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from model.gap.report.findings import Findings
 from model.gap.report.style import ACTION_SCALE, GAP_SCALE, INK, LARGE, MUTED, SMALL, new_figure
 from model.gap.report.views import View, bare, join, neighbours, scale_bar, two_views
-from model.gap.report.wording import added, verb
+from model.gap.report.wording import plain
 from model.types import Array
 
 VIEW_NAMES = ("from the front", "from behind")
@@ -22,7 +22,8 @@ def draw(findings: Findings) -> Figure:
     share = np.array(where.points) * len(where.points)
     rows = [("Where the gap lies", share, _top(share), GAP_SCALE, "gap (average point: 1)")]
     if any(where.acts_on):
-        title = f"Where {added(findings.report) or 'it'} {verb(findings.report, 'acts', 'act')}"
+        named = findings.report.named
+        title = f"Where {'it' if named is None else plain(named.name)} acts"
         rows.append((title, np.array(where.acts_on), 1.0, ACTION_SCALE, "strength (strongest: 1)"))
     views = two_views(findings.rest)
     figure = new_figure(_height(findings.rest, views) * len(rows))

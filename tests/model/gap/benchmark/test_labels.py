@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from model.errors import InputError
-from model.gap.benchmark.labels import LOG, PLAIN, SEALED, masked, open_labels, seal
+from model.gap.benchmark.labels import LOG, PLAIN, SEALED, check_labels, masked, open_labels, seal
 
 LABELS = [{"world": "ab", "effects": [], "accepted": ["wind"], "acts_on": {"wind": [0.5, 1.0]}}]
 TEXT = json.dumps(LABELS).encode()
@@ -23,6 +23,23 @@ def test_sealed_labels_open_when_predictions_are_there(tmp_path: Path):
     open_labels(tmp_path, predictions)
     entries = json.loads((tmp_path / LOG).read_text())
     assert [entry["predictions"] for entry in entries] == [hashlib.sha256(b"{}").hexdigest()] * 2
+
+
+def test_that_the_opening_of_a_seal_can_be_logged_is_known_first(tmp_path: Path):
+    (tmp_path / SEALED).write_bytes(seal(TEXT))
+    check_labels(tmp_path)
+    (tmp_path / LOG).mkdir()
+    with pytest.raises(InputError, match=LOG):
+        check_labels(tmp_path)
+
+
+def test_a_damaged_log_is_refused_and_kept(tmp_path: Path):
+    (tmp_path / SEALED).write_bytes(seal(TEXT))
+    (tmp_path / "predictions.json").write_text("{}")
+    (tmp_path / LOG).write_text("[{")
+    with pytest.raises(InputError, match="expected the log"):
+        open_labels(tmp_path, tmp_path / "predictions.json")
+    assert (tmp_path / LOG).read_text() == "[{"
 
 
 @pytest.mark.parametrize("place", [3, 40, -3])

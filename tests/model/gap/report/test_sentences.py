@@ -45,10 +45,10 @@ def test_an_effect_in_one_place_is_told_so(report):
     assert "Wind acts mainly on 25 % of the points." in sentences(report.model_copy(update={"where": where}))
 
 
-def test_two_effects_act(report):
+def test_of_two_effects_it_is_told_where_the_first_acts(report):
     verdict = report.verdict.model_copy(update={"second": "plasticity"})
     told = sentences(report.model_copy(update={"verdict": verdict}))
-    assert "Wind and plasticity act on the whole object." in told
+    assert "Wind acts on the whole object." in told
 
 
 def test_without_phases_and_effect_there_is_less_to_say(nothing):

@@ -98,6 +98,7 @@ def test_what_closes_nothing_is_said_to_close_nothing(report):
     [
         (0.030, None, "; on the other interaction it helps nothing (10.0 mm to 30.0 mm)"),
         (0.012, -0.2, "; on the other interaction it helps nothing (10.0 mm to 12.0 mm)"),
+        (0.010, 0.0, "; on the other interaction, where it does not act, the error stays 10.0 mm"),
         (0.009, None, "; on the other interaction the gap is too small against noise to say"),
         (0.004, 0.7, ", and 70 % on the other interaction"),
     ],
