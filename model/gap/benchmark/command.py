@@ -19,7 +19,7 @@ from model.progress import progress
     type=click.Path(file_okay=False, path_type=Path),
     required=True,
     metavar="DIR",
-    help="Where diagnoses and predictions.json go; what is there already is not done again.",
+    help="Where diagnoses and predictions.json go; what this version has done is not done again.",
 )
 @click.option(
     "--docs",

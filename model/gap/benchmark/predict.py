@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,17 +14,21 @@ from model.crew import crew
 from model.errors import InputError
 from model.formats.files import replacing
 from model.gap.account import MEANING, Account
+from model.gap.classifier import WEIGHTS as JURY
 from model.gap.diagnosis import Diagnosis
 from model.gap.schema import GapReport
 from model.gap.taken import Taken
+from model.gap.weighing import WEIGHTS as WEIGHING
 from model.observation import read_observation
 from model.progress import StageReport
 from model.schema import write_json
 from model.types import Observation
+from model.version import __version__
 
 DIAGNOSES, PREDICTIONS = "diagnoses", "predictions.json"
 SCHEMA = "matphys.predictions/1"
 TRANSFER = ".transfer.npz"
+WEIGHTS = (JURY, WEIGHING)
 
 
 @runtime_checkable
@@ -62,7 +67,8 @@ def predict(
 ) -> dict[str, Prediction]:
     """Diagnose all worlds and write `predictions.json`.
 
-    What is in `out` already, of the same files, is not done again, unless it broke.
+    What is in `out` already, of the same files by the same version and weights, is not done again, unless
+    it broke.
 
     Args:
         worlds: Holds NAME.npz and, for another interaction of the same object, NAME.transfer.npz.
@@ -129,6 +135,12 @@ def read_account(out: Path, world: str) -> Account | None:
     return Account.of(content["account"]) if content.get("meaning") == MEANING else None
 
 
+def diagnosed_by() -> str:
+    """The version, and the hash of the weights of the diagnosis."""
+    weights = hashlib.sha256(b"".join(files("model.gap").joinpath(name).read_bytes() for name in WEIGHTS))
+    return f"{__version__} {weights.hexdigest()}"
+
+
 def digest(*paths: Path) -> str:
     """SHA-256 of files, one after the other."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
@@ -163,7 +175,8 @@ def _predict(job: _Job) -> Prediction:
     seconds = time.perf_counter() - began
     _keep(
         job.kept,
-        {"sha256": same, "seconds": seconds, **_plain(report, refused), "broke": broke}
+        {"sha256": same, "by": diagnosed_by(), "seconds": seconds}
+        | {**_plain(report, refused), "broke": broke}
         | ({} if account is None else {"meaning": MEANING, "account": asdict(account)}),
     )
     return Prediction(report, refused, seconds, broke)
@@ -173,7 +186,7 @@ def _kept(path: Path, same: str) -> Prediction | None:
     if not path.is_file():
         return None
     kept = json.loads(path.read_bytes())
-    if kept["sha256"] != same or kept["broke"]:
+    if kept["sha256"] != same or kept.get("by") != diagnosed_by() or kept["broke"]:
         return None
     return Prediction(_report(kept["report"]), kept["refused"], kept["seconds"])
 

@@ -70,6 +70,6 @@ def test_what_too_long_steps_lose_is_tried_in_finer_ones(sheet, monkeypatch):
     coarse = sheet.observer.substeps(world) // 3
     with pytest.raises(SimulationDiverged):
         sheet.observer.lead(world, substeps=coarse)
-    monkeypatch.setattr(Observer, "substeps", lambda self, world: coarse)
+    monkeypatch.setattr(Observer, "substeps", lambda self, world, start=None: coarse)
     found = forecast(sheet.observer, world, sheet.split)
     assert found.error == pytest.approx(usual.error, rel=0.01)

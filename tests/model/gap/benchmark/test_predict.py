@@ -63,6 +63,16 @@ def test_a_world_that_changed_is_diagnosed_anew(worlds, tmp_path, diagnose):
     assert predict(worlds, tmp_path / "out", diagnose, 1)["blown"].report.verdict.effect == "none"
 
 
+def test_what_another_version_said_is_not_taken_for_what_this_one_says(
+    worlds, tmp_path, diagnose, monkeypatch
+):
+    predict(worlds, tmp_path / "out", diagnose, 1)
+    called = diagnose.called
+    monkeypatch.setattr("model.gap.benchmark.predict.__version__", "9.9.9")
+    predict(worlds, tmp_path / "out", diagnose, 1)
+    assert diagnose.called == called + 3
+
+
 def test_a_refusal_is_an_answer(worlds, tmp_path):
     def refuse(observation, twin=None, *, transfer=None, progress=None):
         raise InputError("points: nothing moves")
