@@ -46,6 +46,8 @@ Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
 Size: TypeAlias = Annotated[int, Field(gt=0)]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
+MOST_FRAMES = 100_000
+"""Of a clip, an hour of it: what a twin says of its own is simulated where nobody gives other controls."""
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 
 
@@ -75,7 +77,7 @@ class SourceRecord(Record):
     name: str | None = None
     fps: Positive | None = None
     """[1/s]; also the time step of the recorded controls."""
-    frames: Size | None = None
+    frames: Annotated[int, Field(gt=0, le=MOST_FRAMES)] | None = None
     width: Size | None = None
     height: Size | None = None
     keyframe: Count | None = None

@@ -115,7 +115,10 @@ serve.add_command(keys)
 
 def _serve(settings: Settings, listener: socket.socket, address: str, companions: Companions | None) -> None:
     """Answer requests until a signal comes."""
-    settings.data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        settings.data_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{settings.data_dir}: cannot keep data there ({error.strerror})") from None
     Storage(settings.store_url)  # says now, in one line, what is wrong with it
     with api_keys_at(settings.redis_url, REDIS_PATIENCE) as api_keys:
         first_key = api_keys.create_first()

@@ -6,6 +6,7 @@ done by several janitors at once, or twice.
 
 import logging
 import os
+import random
 import signal
 import time
 from typing import NoReturn
@@ -23,6 +24,8 @@ from worker.storage import Storage, StorageError
 
 ROUND_S = 1.0
 SWEEP_ROUNDS = 10
+MOST_FAILURES = 5
+"""To delete something, of a round."""
 
 LOG = logging.getLogger("matphys.janitor")
 
@@ -100,6 +103,16 @@ def sweep(records: Records, storage: Storage) -> None:
     count = records.expire()
     if count:
         LOG.info("jobs expired", extra={"count": count})
-    for prefix in records.garbage():
-        storage.delete(prefix)
-        records.swept(prefix)
+    failed = 0
+    # in any order: what cannot be deleted must not keep what can, and a store that is down not this process
+    garbage = records.garbage()
+    for prefix in random.sample(garbage, len(garbage)):
+        try:
+            storage.delete(prefix)
+        except StorageError as error:
+            LOG.warning("%s is not deleted: %s", prefix, error)
+            failed += 1
+            if failed == MOST_FAILURES:
+                return
+        else:
+            records.swept(prefix)

@@ -103,6 +103,8 @@ def _scratch(root: Path, name: str) -> Iterator[tuple[Path, Sequence[tuple[str, 
     lost: list[tuple[str, int]] = []
     try:
         root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if root.is_symlink() or root.stat().st_uid != os.getuid():
+            raise InputError(f"{root}: it belongs to somebody else: give another --scratch")
         with (root / "lock").open("w") as gate:
             fcntl.flock(gate, fcntl.LOCK_EX)
             for other in root.iterdir():

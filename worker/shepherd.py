@@ -2,7 +2,9 @@
 
 import contextlib
 import logging
+import os
 import shutil
+import tempfile
 import time
 import uuid
 from collections.abc import Callable, Iterable
@@ -105,8 +107,14 @@ class Shepherd:
             LOG.warning("no folder for a job: %s", error, extra={"job": record.id})
             return self._records.hand_back(record.id, attempt, _pause(attempt))
         limit = kind.limit_s + self._mercy_s
+
+        def work() -> int:
+            # what is left half-written by a horse that is killed goes with its folder
+            tempfile.tempdir = os.environ["TMPDIR"] = str(folder)
+            return jobs.run(record, attempt, kind, folder, self._place)
+
         horse = Horse(
-            lambda: jobs.run(record, attempt, kind, folder, self._place),
+            work,
             self._guard,
             limit,
             worker=self._name,

@@ -4,6 +4,7 @@ import ctypes
 import os
 import signal
 import subprocess
+import tempfile
 import time
 from collections.abc import Mapping
 from typing import ClassVar, Literal
@@ -33,7 +34,7 @@ class ErrandOptions(BaseModel):
     attempts: int = 100
     """The trouble comes in the first so many attempts."""
     company: bool = False
-    """Whether it starts a process that would outlive it."""
+    """Whether it starts a process that would outlive it, and a temporary file that would, too."""
 
 
 class ErrandKind(Kind):
@@ -57,6 +58,7 @@ class ErrandKind(Kind):
         if options.trouble and run.attempt <= options.attempts:
             meet(options.trouble, run)
         if options.company:
+            os.close(tempfile.mkstemp()[0])
             subprocess.Popen(LINGER)
         for step in range(10):
             time.sleep(options.seconds / 10)

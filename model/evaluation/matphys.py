@@ -71,9 +71,9 @@ class MatPhysMethod(Method):
 
     def _asked(self, object_name: str) -> TrainedPredictor:
         if self.path.is_file():
-            return _predictor(self.path)
+            return _predictor(self.path, _digest(self.path))
         for file in self._files:
-            predictor = _predictor(file)
+            predictor = _predictor(file, _digest(file))
             if predictor.trained.leaves_out(object_name):
                 return predictor
         raise InputError(f"{self.path}: no predictor in it left out {object_name}: train with --data.folds")
@@ -88,7 +88,11 @@ def _check_needs_no_pictures(file: Path) -> None:
         )
 
 
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
 @cache
-def _predictor(path: Path) -> TrainedPredictor:
-    """Read once in each process."""
+def _predictor(path: Path, digest: str) -> TrainedPredictor:
+    """Read once in each process, and again when it was written again."""
     return TrainedPredictor(path)

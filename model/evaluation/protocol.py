@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
 
 from model.evaluation.baselines.base import Fitted, Method
 from model.evaluation.baselines.hold_last import HoldLast
@@ -24,6 +24,7 @@ from model.evaluation.records import GlobalRecord, PartRecord, Record, Scores, T
 from model.evaluation.truth import part_belief
 from model.priors.materials import MATERIALS
 from model.scenes.case import Case
+from model.scenes.room import ROOM, left_the_room
 from model.types import Array
 
 Setting: TypeAlias = Literal["reconstruction", "future", "unseen_interaction", "unseen_object"]
@@ -81,7 +82,7 @@ def judge(task: Task, pictures: Pictures | None = None, fits: Fits | None = None
             transfers.append(
                 Transfer(case=other.name, interaction=other.interaction, scores=scores, failed=broken)
             )
-    curve = track_error(answer(case), predicted)
+    curve = _whole(track_error(answer(case), predicted))
     return Record(
         key=task.key,
         method=task.name,
@@ -98,7 +99,7 @@ def judge(task: Task, pictures: Pictures | None = None, fits: Fits | None = None
         reconstruction=scored(case, predicted, range(1, case.split), pictures),
         future=scored(case, predicted, range(case.split, len(predicted)), pictures),
         unseen=transfers,
-        curve=[round(float(value), 7) for value in curve if np.isfinite(value)],
+        curve=[round(float(value), 7) for value in curve],
         parts=[] if fitted is None else _parts(fitted, shown, task.own),
         globals={} if fitted is None else _globals(fitted, case),
     )
@@ -140,13 +141,21 @@ def _predict(
             expected = asked.observation.points.shape
             if predicted.shape != expected:
                 failure = f"predicted an array of shape {predicted.shape} where {expected} was asked for"
-            elif np.isfinite(predicted).all():
-                return predicted, None
-            else:
+            elif not np.isfinite(predicted).all():
                 failure = "predicted something that is not finite"
+            elif left_the_room(predicted, asked.rest):
+                failure = f"predicted something that is more than {ROOM:g} m from where it lay"
+            else:
+                return predicted, None
         except Exception as error:  # as in `fit`
             failure = reason(error)
     return HoldLast().fit(shown).predict(asked), failure
+
+
+def _whole(curve: Float64[Array, " T"]) -> Float64[Array, " T"]:
+    """With what is between frames of which something is known; empty where nothing ever is."""
+    known = np.flatnonzero(np.isfinite(curve))
+    return np.interp(np.arange(len(curve)), known, curve[known]) if len(known) else curve[:0]
 
 
 def _parts(fitted: Fitted, shown: Case, own: Case) -> list[PartRecord]:

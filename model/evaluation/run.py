@@ -1,9 +1,11 @@
 """Every method on every case: in several processes, resumable, one line of JSON each."""
 
+import fcntl
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +24,7 @@ from model.scenes.case import Case
 from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
 from model.scenes.priors import Opinion, with_priors
 
-RESULTS = "results.jsonl"
+RESULTS, LOCK = "results.jsonl", "results.lock"
 VERSION = 1
 """Counted up when metrics or settings change: kept results are then measured again."""
 
@@ -74,9 +76,14 @@ def evaluate(plan: Plan, out: Path, workers: int = 1, progress: StageReport | No
         The records of the plan, in its order.
 
     Raises:
-        InputError: there are no cases, or fewer than the settings need.
+        InputError: there are no cases, or fewer than the settings need; or somebody is writing there.
     """
     jobs = list(_jobs(plan))
+    with _alone(out):
+        return _evaluated(jobs, out, workers, progress)
+
+
+def _evaluated(jobs: Sequence[_Job], out: Path, workers: int, progress: StageReport | None) -> list[Record]:
     kept = {record.key: record for record in read_records(out / RESULTS)}
     done = {key: record for key, record in kept.items() if not _failed(record)}
     write_records(out / RESULTS, done.values())
@@ -90,6 +97,22 @@ def evaluate(plan: Plan, out: Path, workers: int = 1, progress: StageReport | No
                 count = len(jobs) - len(missing) + sum(job.key in done for job in missing)
                 progress(f"{count} of {len(jobs)} fits", count / len(jobs))
     return [done[job.key] for job in jobs]
+
+
+@contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Nobody else adds to the results meanwhile: who replaces the file loses what others still write."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock = (out / LOCK).open("a")
+    except OSError as error:
+        raise InputError(f"cannot write {out}: {(error.strerror or str(error)).lower()}") from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{out}: another evaluation is writing there: give another --out") from None
+        yield
 
 
 def _failed(record: Record) -> bool:

@@ -1,6 +1,7 @@
 """Folders of cases as batches: generated where there are none, described once, told apart by object."""
 
 import hashlib
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +24,7 @@ from model.predictor.object_split import check_fold, left_out, split_objects
 from model.predictor.sample import Sample, make_sample
 from model.progress import progress
 from model.scenes.case import Case
-from model.scenes.files import INDEX, IndexEntry, describe, load_case, read_index
+from model.scenes.files import INDEX, CaseIndex, IndexEntry, describe, load_case, read_index
 from model.scenes.generate import generate
 from model.scenes.generated_name import GeneratedName
 from model.scenes.object_group import object_group
@@ -150,6 +151,20 @@ class Draws(Sampler[Look]):
             yield Look(int(index), self._opinions.draw(np.random.default_rng(seed)), (*seed, 1))
 
 
+def _say_other(index: CaseIndex, folder: Path, objects: int, seed: int) -> None:
+    """Warn that generated objects which are there already are not those that are asked for."""
+    if index.seed is None:
+        return
+    found = len({entry.object_name for entry in index.cases})
+    if found != objects or index.seed != seed:
+        warnings.warn(
+            f"{folder} has {found} objects of seed {index.seed} already, and they are taken: data.objects is "
+            f"{objects} and data.seed {seed} (of which worlds that diverge are left out); give another "
+            "data.folder to make others",
+            stacklevel=2,
+        )
+
+
 class CaseDataModule(LightningDataModule):
     """Cases for training, validation, test and prediction.
 
@@ -211,6 +226,8 @@ class CaseDataModule(LightningDataModule):
         with progress(quiet=False) as report:
             if self._objects and folder == self.folder and not (folder / INDEX).exists():
                 generate(folder, self._objects, self.seed, workers=self._workers, report=report)
+            elif self._objects and folder == self.folder:
+                _say_other(describe(folder), folder, self._objects, self.seed)
             store_motion(read_index(folder), self.encoder, self._workers, report)
 
     def setup(self, stage: str) -> None:

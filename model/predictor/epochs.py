@@ -25,10 +25,15 @@ class KeepFigures(Callback):
         checkpoint["figures"] = figures_of(trainer)
 
 
-class BestMoved(ModelCheckpoint):
-    """The best validated of the epochs that learned from rollouts; of all, where there are no such epochs.
+FAR = 0.8
+"""Of the longest rollouts: epochs with shorter ones are not done learning, whatever validation says."""
 
-    Before those nothing was learned through the simulator, whatever validation says; and after an epoch that
+
+class BestMoved(ModelCheckpoint):
+    """The best validated of the epochs whose rollouts are long; of all, where there are no rollouts.
+
+    What is left of a look at a body that falls or flies is chance, and with it the mean over some looks: it
+    cannot tell an epoch of short rollouts and large steps from one of the last. And after an epoch that
     is not validated the figures are still those of the one before it.
     """
 
@@ -39,7 +44,7 @@ class BestMoved(ModelCheckpoint):
         if every is not None and (trainer.current_epoch + 1) % every:
             return
         rollouts, epochs = pl_module.rollouts, trainer.max_epochs or 1
-        if rollouts.horizon(trainer.current_epoch, epochs) or not rollouts.horizon(epochs - 1, epochs):
+        if rollouts.horizon(trainer.current_epoch, epochs) >= FAR * rollouts.horizon(epochs - 1, epochs):
             super().on_train_epoch_end(trainer, pl_module)
 
 

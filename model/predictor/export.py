@@ -28,6 +28,11 @@ class Export(Callback):
     def __init__(self, path: Path | None, config: str) -> None:
         """See the class."""
         self._path, self._config = path, config
+        self._validated = -1
+
+    def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Remember which steps the figures are of."""
+        self._validated = trainer.global_step
 
     def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Write it; in one process, for which the others wait."""
@@ -42,7 +47,8 @@ class Export(Callback):
         assert isinstance(pl_module, PredictorModule)
         assert isinstance(data, CaseDataModule)
         best = trainer.checkpoint_callback
-        figures = figures_of(trainer)
+        # of these weights, or of none: a training may end between validations
+        figures = figures_of(trainer) if self._validated == trainer.global_step else {}
         if isinstance(best, ModelCheckpoint) and best.best_model_path:
             state = torch.load(best.best_model_path, weights_only=True, map_location="cpu")
             pl_module.load_state_dict(state["state_dict"])

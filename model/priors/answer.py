@@ -21,7 +21,7 @@ LIMITS = {
     "damping": (1e-3, 1.0),
     "drag_rate": (1e-3, 20.0),
     "friction": (0.01, 2.0),
-    "restitution": (1e-3, 1.0),
+    "restitution": (1e-3, 0.95),
     "density": (5.0, 20000.0),
 }
 """What a mass-spring twin can use; answers beyond it are drawn to the limit, with a warning."""
@@ -52,11 +52,11 @@ class Range(BaseModel):
 
     @model_validator(mode="after")
     def ordered(self) -> "Range":
-        """Positive, finite, low first."""
+        """Not negative, finite, low first; low may be 0, as of something that does not bounce."""
         if not (math.isfinite(self.low) and math.isfinite(self.high)):
             raise ValueError("low and high must be finite")
-        if not 0.0 < self.low <= self.high:
-            raise ValueError("needs 0 < low <= high")
+        if not (0.0 <= self.low <= self.high and self.high > 0.0):
+            raise ValueError("needs 0 <= low <= high and high > 0")
         return self
 
 
@@ -155,8 +155,9 @@ def believe(answer: Answer) -> MaterialPrior:
 
 def _estimate(name: str, given: Range, limits: tuple[float, float], warnings: list[str]) -> Estimate:
     """The log-normal whose middle 90 % are the range."""
-    mean = math.sqrt(given.low) * math.sqrt(given.high)
-    spread = max((math.log(given.high) - math.log(given.low)) / INTERVAL_WIDTH, MIN_SPREAD)
+    low = given.low or min(limits[0], given.high)  # nothing has a logarithm of its own
+    mean = math.sqrt(low) * math.sqrt(given.high)
+    spread = max((math.log(given.high) - math.log(low)) / INTERVAL_WIDTH, MIN_SPREAD)
     limited = min(max(mean, limits[0]), limits[1])
     if limited != mean:
         warnings.append(

@@ -3,6 +3,7 @@
 import io
 import re
 from pathlib import Path
+from tokenize import TokenError
 
 import cv2
 import numpy as np
@@ -90,7 +91,7 @@ def _read(file: Path) -> Float64[Array, "H W"]:
         values = _array(data) if file.suffix.lower() == ".npy" else _decoded(data)
     except OSError as error:
         raise InputError(f"{file}: depth cannot be read ({error.strerror})") from None
-    except (ValueError, MemoryError):
+    except (ValueError, MemoryError, SyntaxError, TokenError):  # numpy parses the header as Python
         raise InputError(f"{file}: not a readable depth image") from None
     if values.ndim != 2 or values.dtype == np.uint8 or values.dtype.kind not in "uif":
         raise InputError(

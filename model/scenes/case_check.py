@@ -97,6 +97,8 @@ def check_prior(prior: MaterialPrior, where: str) -> None:
                 f"{where}: priors: {name}: expected a median above 0 and a spread of 0 or more, "
                 f"found {one.mean:g} and {one.spread:g}"
             )
+        if name == "restitution" and one.mean >= 1.0:
+            raise InputError(f"{where}: priors: restitution: expected a median below 1, found {one.mean:g}")
     share = prior.distribution
     if not (share >= 0.0).all() or abs(float(share.sum()) - 1.0) > TOLERANCE:
         raise InputError(

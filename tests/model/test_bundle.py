@@ -305,6 +305,12 @@ class TestRollout:
         np.testing.assert_allclose(twin.rollout(substeps=120).times, np.arange(frames) / source["fps"])
 
 
+def test_a_clip_without_end_is_refused(write_twin):
+    manifest = json.dumps({"schema": "matphys.twin/1", "source": {"fps": 30, "frames": 10**30}}).encode()
+    with pytest.raises(InputError, match=r"twin\.json: source\.frames: .*100000"):
+        TwinBundle.load(write_twin(files={"twin.json": manifest}, controls=None))
+
+
 def test_the_camera_of_the_manifest(write_twin):
     pose = np.eye(4)
     pose[:3, 3] = [0.1, 0.2, 0.3]

@@ -243,6 +243,13 @@ def test_a_wrong_setting_is_named_in_one_line(tmp_path, arguments, environment, 
     assert words in refused("--data-dir", str(tmp_path), "--port", "0", *arguments, **environment)
 
 
+def test_a_folder_that_cannot_be_is_refused_in_one_line(redis_url):
+    line = refused(
+        "--data-dir", "/proc/nope/x", "--port", "0", REDIS_URL=redis_url, STORE_URL="file:///tmp/x"
+    )
+    assert "/proc/nope/x: cannot keep data there" in line
+
+
 def test_answers_are_not_held_back():
     from service.main import _listen
 

@@ -6,6 +6,7 @@ import pytest
 from worker.guard import Guard
 from worker.janitor import Janitor, sweep, tidy
 from worker.jobs import Place
+from worker.storage import StorageError
 
 
 @pytest.fixture
@@ -36,6 +37,25 @@ def test_jobs_and_files_whose_time_is_over_are_deleted_and_no_others(
     assert storage.list() == [f"jobs/{lasting.id}/1/x"]
     assert records.get(lasting.id).file("x")
     assert records.garbage() == []
+
+
+def test_what_cannot_be_deleted_does_not_keep_what_can(records, client, storage, tmp_path, monkeypatch):
+    (tmp_path / "x").write_text("x")
+    names = [f"jobs/{name}/" for name in ("held", "a", "b", "c")]
+    for place, prefix in enumerate(names):
+        storage.publish(f"{prefix}1/x", tmp_path / "x")
+        client.zadd("matphys:garbage", {prefix: place})
+    delete = storage.delete
+
+    def kept(prefix):
+        if "held" in prefix:
+            raise StorageError("a legal hold")
+        delete(prefix)
+
+    monkeypatch.setattr(storage, "delete", kept)
+    sweep(records, storage)
+    assert storage.list() == ["jobs/held/1/x"]
+    assert records.garbage() == ["jobs/held/"], "to be tried again"
 
 
 def test_files_of_an_upload_without_a_job_are_deleted(records, client, storage, errand, tmp_path):

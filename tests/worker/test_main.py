@@ -92,6 +92,8 @@ def test_a_running_job_is_canceled_within_seconds(hands, records, queues, eventu
     assert time.monotonic() - began < 4.0
     assert hands.ended(hands.ask()).status == "succeeded", "the worker goes on"
     assert records.get(job_id).status == "canceled"
+    left = [path for path in (hands.folder / "scratch").rglob("*") if path.is_file()]
+    assert {path.name for path in left} == {"lock"}, "what it had begun to write is gone"
 
 
 def test_a_deleted_job_is_stopped_and_its_files_go(hands, records, client, eventually):
@@ -233,6 +235,14 @@ def test_the_end_is_told_by_a_signed_webhook(hands, client):
     told = Webhook(secret_of(client, "a")).verify(body, headers)
     assert told["type"] == "errand.succeeded"
     assert told["data"]["id"] == job_id
+
+
+def test_a_scratch_folder_of_somebody_else_is_refused(capsys, tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "own")
+    place = ["--redis-url", "unix:///x", "--store-url", f"file://{tmp_path}"]
+    assert main([*place, "--scratch", str(tmp_path / "link")]) == 2
+    assert "belongs to somebody else: give another --scratch" in capsys.readouterr().err
 
 
 def test_wrong_settings_are_one_line(capsys, tmp_path):

@@ -1,6 +1,7 @@
 """A first look at depth: a PNG, or one array of numbers."""
 
 from pathlib import Path
+from tokenize import TokenError
 
 import numpy as np
 
@@ -23,7 +24,7 @@ def inspect(path: Path) -> str:
         raise UnknownFormatError("neither a PNG nor a NPY file: send depth in millimetres as one of them")
     try:
         values = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError):
+    except (ValueError, OSError, EOFError, SyntaxError, TokenError):  # numpy parses the header as Python
         raise BrokenFileError("not a whole array of numbers, as numpy.save writes it") from None
     if values.ndim != 2 or values.dtype.kind not in "uif" or not 0 < values.size <= image.MAX_PIXELS:
         found = f"{values.dtype} of shape {list(values.shape)}"

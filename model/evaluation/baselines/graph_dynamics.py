@@ -131,7 +131,7 @@ class GraphDynamics(Method):
     """
 
     name: ClassVar[str] = "graph-dynamics"
-    version: ClassVar[str] = "3"
+    version: ClassVar[str] = "4"
 
     particles: int = 100
     """At most."""

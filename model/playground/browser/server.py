@@ -112,6 +112,8 @@ def open_playground(
     """
     if importlib.util.find_spec("viser") is None:
         raise InputError(INSTALL)
+    if observation is not None and report is None:
+        raise InputError("--observation: only with --report, which says where the gap lies")
     bundle = TwinBundle.load(twin)
     where = None if report is None else read_where(report, bundle, observation)
     return Playground(Session(bundle, compare), Colors(bundle, where), twin, host, port)

@@ -14,6 +14,7 @@ from model.scenes.case import Anchors, Case, Interaction, ObjectClass
 from model.scenes.generated_name import GeneratedName
 from model.scenes.priors import believed
 from model.scenes.replay import observed, replay
+from model.scenes.room import ROOM, farthest
 from model.scenes.world.interactions import ALL_INTERACTIONS, Script, draw_script
 from model.scenes.world.materials import LIKELY
 from model.scenes.world.sensor import (
@@ -37,8 +38,6 @@ SPLIT = 0.7
 """Share of the frames that may be learned from."""
 INTERACTIONS = (3, 4)
 """Per object."""
-ROOM = 10.0
-"""No hand moves anything farther from where it lay [m]: a world in which something gets there diverged."""
 
 
 class LeftTheRoom(InputError):
@@ -111,7 +110,7 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
 
 def _check_near(moved: Float32[Array, "T P 3"]) -> None:
     """See that nothing has flown off."""
-    away = np.linalg.norm(moved - moved[0], axis=-1).max(axis=1)
+    away = farthest(moved, moved[0])
     if (away > ROOM).any():
         frame = int((away > ROOM).argmax())
         raise LeftTheRoom(frame, float(away[frame]))

@@ -82,6 +82,17 @@ def test_scores_are_of_the_truth_and_not_of_the_noise(make_case):
     assert scored(bare, case.complete, range(1, 10))["track"] == pytest.approx(0.016, rel=0.1)
 
 
+def test_the_error_over_time_has_every_frame(make_case):
+    """Also those of which nothing is known: else what comes after them is drawn too early."""
+    case = make_case(frames=9)
+    points = case.complete.copy()
+    points[3:6] = np.nan
+    gap = replace(case, complete=points, truth=None)
+    curve = judge(task(HoldLast(), gap, gap)).curve
+    assert len(curve) == 9
+    np.testing.assert_allclose(curve[2:7], np.linspace(curve[2], curve[6], 5), atol=1e-6)
+
+
 def test_no_frames_no_scores(cases):
     assert scored(cases[0], cases[0].complete, range(0)) == {}
 
@@ -170,6 +181,21 @@ class Lost:
         return np.full_like(case.observation.points, np.inf)
 
 
+class Flying(Method):
+    name = "flying"
+
+    def fit(self, case):
+        return Flown()
+
+
+class Flown:
+    parameters = None
+    part_belief = None
+
+    def predict(self, case):
+        return case.rest + np.linspace(0, 11, len(case.observation.times), dtype=np.float32)[:, None, None]
+
+
 class Short(Method):
     name = "short"
 
@@ -202,7 +228,12 @@ def test_who_cannot_say_what_it_was_trained_on_has_failed(cases):
 
 @pytest.mark.parametrize(
     ("method", "reason"),
-    [(Broken, "ValueError: two lines"), (Wild, "not finite"), (Short, "shape (2, 3, 3)")],
+    [
+        (Broken, "ValueError: two lines"),
+        (Wild, "not finite"),
+        (Flying, "more than 10 m from where it lay"),
+        (Short, "shape (2, 3, 3)"),
+    ],
 )
 def test_what_fails_counts_as_if_nothing_moved_any_more_and_says_so(cases, method, reason):
     record = judge(task(method(), *cases))

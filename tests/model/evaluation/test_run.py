@@ -57,6 +57,15 @@ def test_an_interrupted_evaluation_goes_on(plan, tmp_path):
     assert len(read_records(results)) == 4
 
 
+def test_two_at_once_are_refused(plan, tmp_path):
+    def again(stage, share):
+        with pytest.raises(InputError, match="another evaluation is writing there: give another --out"):
+            evaluate(plan, tmp_path)
+
+    assert len(evaluate(plan, tmp_path, progress=again)) == 4
+    assert len(read_records(tmp_path / RESULTS)) == 4
+
+
 def test_what_failed_is_tried_again(plan, tmp_path):
     records = evaluate(plan, tmp_path)
     results = tmp_path / RESULTS

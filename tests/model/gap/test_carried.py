@@ -7,7 +7,7 @@ import torch
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.gap.carried import carrying, record_of, values_of
-from model.gap.effects import ALL_EFFECTS
+from model.gap.effects import ALL_EFFECTS, ActuationDelay
 from model.schema import EffectRecord
 
 
@@ -24,6 +24,16 @@ def test_a_record_moves_the_twin_as_the_effect_it_was_made_of(kind, block):
         expected = kind().apply(block, values).rollout(last=6, substeps=60).points
         carried = carrying(block, [read]).rollout(last=6, substeps=60).points
     torch.testing.assert_close(carried, expected, rtol=0, atol=0)
+
+
+def test_a_late_hand_of_which_one_place_is_known_is_there(twin_path):
+    bundle = TwinBundle.load(twin_path)
+    late = replace(
+        bundle, controls=bundle.controls[:1], effects=(record_of(ActuationDelay, {"delay": 0.05}),)
+    )
+    np.testing.assert_array_equal(
+        late.rollout(substeps=100).points, replace(late, effects=()).rollout(substeps=100).points
+    )
 
 
 def test_effects_act_one_upon_the_other_and_where_they_are_told(block):

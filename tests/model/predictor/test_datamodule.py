@@ -59,6 +59,17 @@ def test_validation_has_every_case_under_every_opinion_the_same_in_every_run(cas
     assert all(example.opinion is None for example in stored)
 
 
+def test_objects_that_are_there_already_and_are_not_those_asked_for_are_said(make_case, tmp_path):
+    save_case(make_case(), tmp_path / "a.case.npz")
+    write_index(tmp_path, 3)
+    for objects, seed in ((2, 3), (300, 4)):
+        data = CaseDataModule(tmp_path, objects=objects, seed=seed)
+        with pytest.warns(UserWarning, match=f"has 1 objects of seed 3 already.*data.objects is {objects}"):
+            data.prepare_data()
+    write_index(tmp_path, None)
+    CaseDataModule(tmp_path, objects=300).prepare_data()  # recordings: none can be made
+
+
 def test_an_example_depends_on_its_look_alone(case_folder):
     data = CaseDataModule(case_folder, validation_share=0.4)
     data.prepare_data()

@@ -151,6 +151,13 @@ def test_what_no_twin_can_use_is_drawn_to_the_limit(serve, client, good, view):
     assert prior.properties["stiffness"].mean == pytest.approx(5000 * 20)
 
 
+def test_what_bounces_wholly_or_not_at_all_is_believed_nearly(serve, client, good, view):
+    ball = {"restitution": {"low": 1.0, "high": 1.2}}
+    assert client(serve(good(**ball))).material(view()).properties["restitution"].mean == 0.95
+    mud = {"restitution": {"low": 0.0, "high": 0.1}}
+    assert client(serve(good(**mud))).material(view()).properties["restitution"].mean == pytest.approx(0.01)
+
+
 def test_certainty_is_not_believed(serve, client, good, view):
     sure = {"friction": {"low": 0.5, "high": 0.5}}
     assert client(serve(good(**sure))).material(view()).properties["friction"].spread == 0.1

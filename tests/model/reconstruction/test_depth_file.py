@@ -67,6 +67,7 @@ def test_missing_and_bad_numbers_become_zero(tmp_path):
         ("d.npy", b"no array", "not a readable"),
         ("d.npy", b"", "not a readable"),
         ("d.npy", ARCHIVE, "not a readable"),
+        ("d.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': ('<u2' \n", "not a readable"),
         ("d.tif", b"", "16-bit"),
         ("d.npy", np.zeros((30, 40), np.uint8), "one channel"),
         ("d.npy", np.zeros((30, 40, 3), np.uint16), "one channel"),

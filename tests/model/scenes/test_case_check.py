@@ -62,12 +62,16 @@ def test_gaps_are_no_damage(make_case):
     [
         ({"properties": {}}, "expected the properties damping, density"),
         ({"mean": -1.0}, "stiffness: expected a median above 0"),
+        ({"restitution": 1.0}, "restitution: expected a median below 1, found 1"),
         ({"distribution": np.zeros(10)}, "expected shares that sum to 1, found 0"),
     ],
 )
 def test_a_belief_that_is_none_is_refused(make_case, change, says):
     case = make_case(frames=4)
     first, *others = case.priors
+    if "restitution" in change:
+        wrong = replace(first.properties["restitution"], mean=change["restitution"])
+        change = {"properties": {**first.properties, "restitution": wrong}}
     if "mean" in change:
         wrong = replace(first.properties["stiffness"], **change)
         change = {"properties": {**first.properties, "stiffness": wrong}}

@@ -46,6 +46,11 @@ def test_nothing_to_compare_is_said_in_one_line(twin_path, capsys):
     assert "carries no effect" in refused(capsys, twin_path, "--compare")
 
 
+def test_an_observation_without_a_report_says_nothing(twin_path, tmp_path):
+    with pytest.raises(InputError, match="--observation: only with --report"):
+        open_playground(twin_path, observation=tmp_path / "seen.npz")
+
+
 def test_an_address_that_is_none_is_refused(twin_path):
     with pytest.raises(InputError, match="cannot listen"):
         open_playground(twin_path, host="203.0.113.7", port=8080)
