@@ -8,7 +8,11 @@ from worker.inspection.verdict import BrokenFileError, UnknownFormatError
 MAX_BYTES: Final = 200_000_000
 """As `model.reconstruction.mesh_file` has it."""
 MAX_LINE: Final = 10_000
-OBJ_WORDS: Final = frozenset({"v", "vn", "vt", "f", "o", "g", "s", "l", "mtllib", "usemtl"})
+OBJ_WORDS: Final = frozenset(
+    "v vn vt vp f l p o g s mg usemtl mtllib usemap maplib cstype deg bmat step curv curv2 surf parm trim hole "
+    "scrv sp end con bevel c_interp d_interp lod shadow_obj trace_obj ctech stech call csh".split()
+)
+"""With which a line of an OBJ begins (Wavefront, Advanced Visualizer, appendix B1)."""
 
 
 def inspect(path: Path) -> str:
@@ -53,9 +57,11 @@ def _ply(path: Path) -> str:
 def _obj(path: Path) -> str:
     """An OBJ has no signature: it is text whose every line begins with one of a few words."""
     found: set[str] = set()
+    goes_on = False
     with path.open("rb") as file:
         while line := file.readline(MAX_LINE + 1):
-            words = line.decode("utf-8", "replace").split(maxsplit=1)
+            words = [] if goes_on else line.decode("utf-8-sig", "replace").split(maxsplit=1)
+            goes_on = line.rstrip().endswith(b"\\")
             if len(line) > MAX_LINE or b"\0" in line or (words and not _known(words[0])):
                 raise UnknownFormatError("neither a GLB, nor a PLY, nor an OBJ file")
             found.update(words[:1])

@@ -85,6 +85,18 @@ def test_a_mesh_as_the_pipeline_reads_it(upload, tmp_path, suffix):
     mesh_file.read_mesh(path.rename(tmp_path / f"mesh{suffix}"))
 
 
+def test_what_else_an_obj_may_have_is_no_other_file(upload, tmp_path):
+    """A mark of its encoding, points, a face that goes on in the next line."""
+    import trimesh
+
+    faces = trimesh.creation.box().export(file_type="obj").replace(" 2 ", " \\\n2 ")
+    path = upload(b"\xef\xbb\xbf" + faces.encode() + b"p 1\nvp 0.5\n")
+    assert mesh.inspect(path) == ".obj"
+    mesh_file.read_mesh(path.rename(tmp_path / "mesh.obj"))
+    with pytest.raises(UnknownFormatError):
+        mesh.inspect(upload(b"\xef\xbb\xbfv 0 0 0\nvoila\n"))
+
+
 def seen(frames=4, count=5, **changes):
     still = np.linspace(0, 0.3, count * 3, dtype=np.float32).reshape(1, count, 3)
     arrays = {
