@@ -118,7 +118,7 @@ def _settle(error: BaseException, records: Records, record: JobRecord, attempt: 
             case Fenced():
                 LOG.info("the job is no longer ours", extra=extra)
             case Postponed():
-                records.hand_back(record.id, attempt, error.seconds)
+                records.postpone(record.id, attempt, error.seconds)
             case InputError():
                 detail = str(error).replace(f"{folder}/", "")
                 records.fail(record.id, attempt, JobError(type="bad-input", title=BAD_INPUT, detail=detail))

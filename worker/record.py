@@ -54,6 +54,8 @@ class JobRecord(BaseModel):
     attempt: int = 0
     """How many runs have begun; the newest one holds the job."""
     crashes: int = 0
+    postponed: int = 0
+    """How many runs have asked for another one."""
     created_at: datetime | None = None
     started_at: datetime | None = None
     """Of the newest attempt."""

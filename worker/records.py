@@ -206,6 +206,10 @@ class Records:
         """Give the job to whoever comes next, after `delay_s`: nobody is to blame."""
         return cast("str | None", self._run("release", job_id, attempt, delay_s, 0, 0, ""))
 
+    def postpone(self, job_id: str, attempt: int, delay_s: float) -> str | None:
+        """The same of one that was done, and wants to be done again after `delay_s`: that is counted."""
+        return cast("str | None", self._run("release", job_id, attempt, delay_s, 0, 0, "", 1))
+
     def reap(self, error: JobError) -> dict[str, str]:
         """Take back the jobs of workers that died; id → their new status."""
         answer = self._run("reap", GRACE_S, 1.0, MOST_CRASHES, error.model_dump_json())

@@ -110,7 +110,7 @@ def test_what_is_not_the_jobs_fault_leaves_the_job_to_its_worker(attempt, error,
 
 def test_a_postponed_job_waits(attempt, records):
     code, record = attempt(raising(Postponed(30.0)))
-    assert (code, record.status, record.crashes) == (DONE, "queued", 0)
+    assert (code, record.status, record.crashes, record.postponed) == (DONE, "queued", 0, 1)
     assert records.due("twins") == []
 
 

@@ -183,7 +183,7 @@ def test_the_job_of_a_worker_that_never_comes_back_goes_to_another(hands, record
 def test_a_postponed_job_is_not_to_blame(hands):
     hands.start()
     done = hands.ended(hands.ask(trouble="later", attempts=2))
-    assert (done.status, done.attempt, done.crashes) == ("succeeded", 3, 0)
+    assert (done.status, done.attempt, done.crashes, done.postponed) == ("succeeded", 3, 0, 2)
 
 
 def test_a_kind_of_job_that_is_unknown_here_is_left_for_others(hands, records, errand, queues):

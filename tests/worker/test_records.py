@@ -175,6 +175,7 @@ def test_crashes_are_forgiven_twice_and_hand_backs_always(records, errand, monke
     assert records.crash(record.id, begin(records, record), ERROR) == "failed"
     failed = records.get(record.id)
     assert (failed.status, failed.error, failed.crashes, failed.attempt) == ("failed", ERROR, 3, 8)
+    assert failed.postponed == 0, "nothing was done that asked for more"
 
 
 def test_a_silent_worker_is_suspected_first_and_loses_its_job_then(records, errand, monkeypatch, eventually):

@@ -9,8 +9,8 @@ MAX_BYTES: Final = 200_000_000
 """As `model.reconstruction.mesh_file` has it."""
 MAX_LINE: Final = 10_000
 OBJ_WORDS: Final = frozenset(
-    "v vn vt vp f l p o g s mg usemtl mtllib usemap maplib cstype deg bmat step curv curv2 surf parm trim hole "
-    "scrv sp end con bevel c_interp d_interp lod shadow_obj trace_obj ctech stech call csh".split()
+    "v vn vt vp f l p o g s mg usemtl mtllib usemap maplib cstype deg bmat step curv curv2 surf parm trim "
+    "hole scrv sp end con bevel c_interp d_interp lod shadow_obj trace_obj ctech stech call csh".split()
 )
 """With which a line of an OBJ begins (Wavefront, Advanced Visualizer, appendix B1)."""
 

@@ -32,7 +32,8 @@ class WebhookKind(Kind):
         """Send it; the message id stays the same, so that a receiver can tell a repetition."""
         if run.parent is None or run.parent.webhook is None:
             return Outcome()
-        tries = run.attempt - run.record.crashes
+        # not the attempts, of which some never came to send anything
+        tries = run.record.postponed + 1
         try:
             run.send(run.parent.webhook, run.record.id, message(run.parent))
         except (Undelivered, OutOfTimeError) as error:
