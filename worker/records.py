@@ -7,8 +7,8 @@ change, so that two runs can never both publish.
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from typing import cast
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, cast
 
 from pydantic import JsonValue
 from redis import Redis
@@ -139,8 +139,8 @@ class Records:
 
     def delete(self, job_id: str) -> None:
         """Forget a job, its children and their files; what runs is stopped. None of it comes back."""
-        for child in self._run.settled("delete", job_id):
-            self.delete(child)
+        with self._run.settling() as run:
+            _forget(run, [job_id])
 
     def begin(self, job_id: str, token: str, worker: str) -> int | None:
         """Start an attempt; None: nothing to do (ended, deleted, running elsewhere, or not due yet).
@@ -239,13 +239,12 @@ class Records:
         """
         ids = cast("list[str]", self._redis.zrangebyscore("matphys:expiry", "-inf", self._now(), 0, PAGE))
         gone = 0
-        for job_id in ids:
-            children = self._run.settled("expire", job_id)
-            if children is None:
-                continue
-            gone += 1
-            for child in children:
-                self.delete(child)
+        with self._run.settling() as run:
+            for job_id in ids:
+                children = run("expire", job_id)
+                if children is not None:
+                    gone += 1
+                    _forget(run, children)
         return gone
 
     def garbage(self) -> Sequence[str]:
@@ -273,3 +272,10 @@ class Records:
     def _now(self) -> float:
         seconds, micros = self._redis.time()
         return seconds + micros / 1e6
+
+
+def _forget(run: Callable[..., Any], job_ids: Iterable[str]) -> None:
+    """Jobs, and whatever was made of them."""
+    left = list(job_ids)
+    while left:
+        left += run("delete", left.pop())

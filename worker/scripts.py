@@ -1,5 +1,7 @@
 """The transitions of a job as Lua: each runs inside Redis as one transaction."""
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
@@ -40,27 +42,38 @@ class Scripts:
         return self._scripts[name](args=list(arguments), client=self._redis)
 
     def settled(self, name: str, *arguments: str | int | float) -> Any:  # noqa: ANN401 - Lua's answer
-        """Run one, and wait until what it wrote is on disk, where Redis can tell (WAITAOF, since 7.2).
+        """Run one, and wait until what it wrote is on disk: see `settling`.
 
-        Without that, an append-only file that is synced every second loses nothing when Redis is killed (the
+        Raises:
+            redis.exceptions.TimeoutError: the disk did not take it in time.
+        """
+        with self.settling() as run:
+            return run(name, *arguments)
+
+    @contextmanager
+    def settling(self) -> Iterator[Callable[..., Any]]:
+        """Run some, and wait until what they wrote is on disk, where Redis can tell (WAITAOF, 7.2).
+
+        To wait after each would take a second of each where the file is synced every second. Without that,
+        an append-only file that is synced every second loses nothing when Redis is killed (the
         kernel has the bytes), and up to a second when the machine loses power.
 
         Raises:
             redis.exceptions.TimeoutError: the disk did not take it in time.
         """
         if not self._tells:
-            return self(name, *arguments)
+            yield self
+            return
         # WAITAOF is about the writes of its own connection.
         with self._redis.client() as one:  # type: ignore[no-untyped-call]
-            answer = self._scripts[name](args=list(arguments), client=one)
+            yield lambda name, *arguments: self._scripts[name](args=list(arguments), client=one)
             try:
                 synced, _ = one.waitaof(1, 0, SYNC_MS)
             except redis.exceptions.ResponseError:  # an older Redis, or one that appends to no file
                 self._tells = False
-                return answer
+                return
         if synced < 1:
             raise redis.exceptions.TimeoutError("the disk of Redis is too slow")
-        return answer
 
 
 @cache

@@ -40,6 +40,21 @@ def test_what_must_last_is_waited_for_on_the_connection_that_wrote_it(client, ca
     assert where == there
 
 
+def test_a_job_and_all_that_was_made_of_it_waits_for_the_disk_once(client, records, errand, monkeypatch):
+    """To wait for each took a second of each where the file is synced every second."""
+    waited = []
+    monkeypatch.setattr(redis.Redis, "waitaof", lambda self, *a: waited.append(a) or (1, 0))
+    twin = errand()
+    records.create(twin)
+    children = [errand().model_copy(update={"parent": twin.id}) for _ in range(3)]
+    for child in children:
+        records.create(child)
+    waited.clear()
+    records.delete(twin.id)
+    assert len(waited) == 1
+    assert [records.get(record.id) for record in (twin, *children)] == [None] * 4
+
+
 def test_a_disk_that_does_not_take_it_is_an_error(client, monkeypatch):
     monkeypatch.setattr(redis.Redis, "waitaof", lambda self, *a: (0, 0))
     with pytest.raises(redis.exceptions.TimeoutError, match="too slow"):
