@@ -3,6 +3,8 @@
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -237,12 +239,14 @@ def test_the_end_is_told_by_a_signed_webhook(hands, client):
     assert told["data"]["id"] == job_id
 
 
-def test_a_scratch_folder_of_somebody_else_is_refused(capsys, tmp_path):
+def test_a_scratch_folder_of_somebody_else_is_refused(tmp_path):
     (tmp_path / "own").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "own")
     place = ["--redis-url", "unix:///x", "--store-url", f"file://{tmp_path}"]
-    assert main([*place, "--scratch", str(tmp_path / "link")]) == 2
-    assert "belongs to somebody else: give another --scratch" in capsys.readouterr().err
+    command = [sys.executable, "-m", "worker.main", *place, "--scratch", str(tmp_path / "link")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "belongs to somebody else: give another --scratch" in done.stderr
 
 
 def test_wrong_settings_are_one_line(capsys, tmp_path):
