@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from model.errors import InputError
-from model.formats.files import check_writable, replacing
 
 PLAIN, SEALED, LOG = "labels.json", "labels.sealed", "opened.json"
 MAGIC = b"sealed labels of matphys worlds\n"
@@ -57,6 +56,8 @@ def check_labels(folder: Path) -> None:
     Raises:
         InputError: there are none, or nothing can be written beside sealed ones.
     """
+    from model.formats.files import check_writable  # worlds are made without it: nothing of ours in them
+
     if (folder / PLAIN).is_file():
         return
     if not (folder / SEALED).is_file():
@@ -89,6 +90,8 @@ def masked(data: bytes) -> bytes:
 
 
 def _log(log: Path, predictions: Path) -> None:
+    from model.formats.files import replacing  # as above
+
     try:
         entries = json.loads(log.read_text()) if log.is_file() else []
     except ValueError:
