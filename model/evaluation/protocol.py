@@ -24,7 +24,7 @@ from model.evaluation.records import GlobalRecord, PartRecord, Record, Scores, T
 from model.evaluation.truth import part_belief
 from model.priors.materials import MATERIALS
 from model.scenes.case import Case
-from model.scenes.room import ROOM, left_the_room
+from model.scenes.room import ROOM, LeftTheRoom, check_near
 from model.types import Array
 
 Setting: TypeAlias = Literal["reconstruction", "future", "unseen_interaction", "unseen_object"]
@@ -143,10 +143,11 @@ def _predict(
                 failure = f"predicted an array of shape {predicted.shape} where {expected} was asked for"
             elif not np.isfinite(predicted).all():
                 failure = "predicted something that is not finite"
-            elif left_the_room(predicted, asked.rest):
-                failure = f"predicted something that is more than {ROOM:g} m from where it lay"
             else:
+                check_near(predicted, asked.rest)
                 return predicted, None
+        except LeftTheRoom:
+            failure = f"predicted something that is more than {ROOM:g} m from where it lay"
         except Exception as error:  # as in `fit`
             failure = reason(error)
     return HoldLast().fit(shown).predict(asked), failure

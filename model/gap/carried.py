@@ -9,7 +9,7 @@ from model.errors import InputError
 from model.gap.effects import ALL_EFFECTS
 from model.gap.effects.base import Effect, Field, Quantity
 from model.gap.world import World
-from model.schema import EffectRecord
+from model.schema import EffectName, EffectRecord
 
 CATALOGUE: Mapping[str, type[Effect]] = {effect.name: effect for effect in ALL_EFFECTS}
 SLACK = 1e-6
@@ -27,19 +27,34 @@ def carrying(world: World, records: Sequence[EffectRecord]) -> World:
         InputError: a record is not of the catalogue, or its effect cannot act in this world.
     """
     for i, record in enumerate(records):
-        effect, values = CATALOGUE[record.name](), values_of(record, f"effects.json: {i}")
-        why = effect.unable(world)
+        why = _unable(record, world)
         if why is not None:
             raise InputError(f"effects.json: {i}: {record.name} cannot act in this twin: {why}")
-        tensors = {name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()}
-        where = None if record.acts_on is None else torch.tensor(record.acts_on, dtype=torch.float64)
-        world = effect.apply(world, tensors, where)
+        world = _with(world, record, i)
     return world
 
 
-def able(world: World, records: Sequence[EffectRecord]) -> tuple[EffectRecord, ...]:
-    """Those of the records whose effects can act in a world, as what the ground does cannot in the air."""
-    return tuple(record for record in records if CATALOGUE[record.name]().unable(world) is None)
+def carrying_able(world: World, records: Sequence[EffectRecord]) -> World:
+    """The same without those that cannot act in it, as what the ground does cannot in the air."""
+    for i, record in enumerate(records):
+        world = _with(world, record, i) if _unable(record, world) is None else world
+    return world
+
+
+def idle(world: World, records: Sequence[EffectRecord]) -> list[EffectName]:
+    """The effects that `carrying_able` leaves out."""
+    return [record.name for record in records if _unable(record, world) is not None]
+
+
+def _unable(record: EffectRecord, world: World) -> str | None:
+    return CATALOGUE[record.name]().unable(world)
+
+
+def _with(world: World, record: EffectRecord, number: int) -> World:
+    values = values_of(record, f"effects.json: {number}")
+    tensors = {name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()}
+    where = None if record.acts_on is None else torch.tensor(record.acts_on, dtype=torch.float64)
+    return CATALOGUE[record.name]().apply(world, tensors, where)
 
 
 def values_of(record: EffectRecord, where: str) -> dict[str, float]:

@@ -8,7 +8,7 @@ from jaxtyping import Float64
 
 from model.gap.account import Account
 from model.gap.acts_on import Acting
-from model.gap.carried import able, record_of
+from model.gap.carried import idle, record_of
 from model.gap.closure import Closed
 from model.gap.confirm import Confirmed, Fitted
 from model.gap.evidence import Evidence
@@ -138,16 +138,13 @@ class Found:
             "nothing: nothing that was seen goes with it"
             for away in self.study.plain.twin.idle
         ]
-        twin = self.study.plain.twin
-        acts = able(self.plain.world, twin.carried)
         said += [
-            f"{record.name}, which the twin carries, cannot act in this recording: it is left out"
-            for record in twin.carried
-            if record not in acts
+            f"{name}, which the twin carries, cannot act in this recording: it is left out"
+            for name in idle(self.plain.world, self.study.plain.twin.carried)
         ]
         said += self.located.warnings
-        idle = self.there is not None and self.there.idle
-        if idle and chosen is not None:
+        idle_there = self.there is not None and self.there.idle
+        if idle_there and chosen is not None:
             said.append(
                 f"{chosen.hypothesis.effects[0].name} cannot act in the other interaction, which says "
                 "nothing of it"
@@ -175,7 +172,7 @@ class Found:
                 )
             other = None if self.there is None else self.there.closure
             helps = other is None or other.with_effect is None or other.with_effect < other.refit
-            if not helps and not idle:
+            if not helps and not idle_there:
                 said.append(
                     f"{effect.name} does not shrink the error on the other interaction: doubt the verdict"
                 )

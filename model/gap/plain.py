@@ -14,7 +14,7 @@ from model.gap.bodies.body import Body
 from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.hold import Hold
-from model.gap.carried import able, carrying
+from model.gap.carried import carrying_able
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
 from model.gap.slight_bending import slight_bending
@@ -304,7 +304,7 @@ class PlainTwin:
         if matter.slackness:
             world = world.with_force(wrinkling(world, matter.slackness))
         # another recording may have no ground, or nothing that holds the object
-        return carrying(world, able(world, self.carried)) if self.carried else world
+        return carrying_able(world, self.carried)
 
     def _grip(self, values: Values) -> Float[Tensor, "*b S"]:
         """Stiffness of the springs of the hand [N/m]: full where it is, fading with distance."""

@@ -16,7 +16,7 @@ from model.gap.bodies.body import Body, between, grip_of
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.hidden import hiding
 from model.gap.bodies.rest import rest_places
-from model.gap.carried import able
+from model.gap.carried import idle
 from model.gap.confirm import Fitted
 from model.gap.estimate import Estimate, estimate
 from model.gap.forecast import Forecast, forecast
@@ -181,13 +181,11 @@ def transferred(study: Study, observation: Observation) -> Transferred:
 
 def _say_idle(twin: PlainTwin, world: World) -> None:
     """Warn of effects that the twin carries and that have nothing to act on there."""
-    acts = able(world, twin.carried)
-    for record in twin.carried:
-        if record not in acts:
-            warnings.warn(
-                f"{record.name}, which the twin carries, cannot act in the other recording: it is left out",
-                stacklevel=4,
-            )
+    for name in idle(world, twin.carried):
+        warnings.warn(
+            f"{name}, which the twin carries, cannot act in the other recording: it is left out",
+            stacklevel=4,
+        )
 
 
 def _own(

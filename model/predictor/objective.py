@@ -14,7 +14,7 @@ from model.predictor.losses import chamfer_loss, log_normal_divergence, surprise
 from model.predictor.rollout import Mechanics, mechanics_of, roll_out
 from model.predictor.sample import Prediction
 from model.scenes.case import Case
-from model.scenes.room import left_the_room
+from model.scenes.room import LeftTheRoom, check_near
 from model.simulator.divergence import SimulationDiverged
 from model.types import Array
 
@@ -91,13 +91,9 @@ def motion_terms(
     found, diverged = list[tuple[Tensor, Tensor]](), 0
     for number in chosen:
         try:
-            one = _motion(batch.cases[number], each[number], horizon)
-        except SimulationDiverged:
-            one = None
-        if one is None:
+            found.append(_motion(batch.cases[number], each[number], horizon))
+        except (SimulationDiverged, LeftTheRoom):
             diverged += 1
-        else:
-            found.append(one)
     if not found:
         return {}, diverged
     track, chamfer = (torch.stack(values).mean() for values in zip(*found, strict=True))
@@ -128,11 +124,10 @@ def judge_motion(case: Case, mechanics: Mechanics) -> Judged:
     try:
         with torch.no_grad():
             predicted = roll_out(case, mechanics, checkpoint=False)
-    except SimulationDiverged:
+        check_near(predicted.numpy(), case.rest)
+    except (SimulationDiverged, LeftTheRoom):
         diverged = True
-        predicted = _still(case)
-    if not diverged and left_the_room(predicted.numpy(), case.rest):
-        diverged, predicted = True, _still(case)
+        predicted = torch.as_tensor(case.rest).expand(len(case.observation.times), -1, -1)
     known = case.observation.points if case.complete is None else case.complete
     distance = np.linalg.norm(predicted.numpy() - known, axis=-1) / object_size(case)
     track, chamfer = _compare(case, predicted[: case.split])
@@ -145,16 +140,9 @@ def judge_motion(case: Case, mechanics: Mechanics) -> Judged:
     )
 
 
-def _still(case: Case) -> Float[Tensor, "T N 3"]:
-    """The object as if it did not move."""
-    return torch.as_tensor(case.rest).expand(len(case.observation.times), -1, -1)
-
-
-def _motion(case: Case, mechanics: Mechanics, horizon: int) -> tuple[Tensor, Tensor] | None:
-    """None: the rollout is finite, and flies off."""
+def _motion(case: Case, mechanics: Mechanics, horizon: int) -> tuple[Tensor, Tensor]:
     predicted = roll_out(case, mechanics, min(case.split, horizon))
-    if left_the_room(predicted.detach().numpy(), case.rest):
-        return None
+    check_near(predicted.detach().numpy(), case.rest)
     return _compare(case, predicted)
 
 

@@ -82,7 +82,8 @@ def _make(
     number: int,
 ) -> str:
     """One object's cases, as files. A world that diverges is left out; returns what to say of it, if so."""
-    from model.scenes.world.cases import LeftTheRoom, draw_cases
+    from model.scenes.room import LeftTheRoom
+    from model.scenes.world.cases import draw_cases
     from model.simulator.divergence import SimulationDiverged
 
     try:

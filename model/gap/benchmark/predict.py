@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -137,11 +138,10 @@ def read_account(out: Path, world: str) -> Account | None:
 
 def diagnosed_by() -> str:
     """The version, and the hash of the weights of the diagnosis."""
-    weights = hashlib.sha256(b"".join(files("model.gap").joinpath(name).read_bytes() for name in WEIGHTS))
-    return f"{__version__} {weights.hexdigest()}"
+    return f"{__version__} {digest(*(files('model.gap').joinpath(name) for name in WEIGHTS))}"
 
 
-def digest(*paths: Path) -> str:
+def digest(*paths: Path | Traversable) -> str:
     """SHA-256 of files, one after the other."""
     return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
 

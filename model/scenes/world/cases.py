@@ -7,14 +7,13 @@ import torch
 from jaxtyping import Float32, Float64
 from scipy.spatial.transform import Rotation
 
-from model.errors import InputError
 from model.predictor.prior_mean import PriorMeanPredictor
 from model.priors.materials import normalised
 from model.scenes.case import Anchors, Case, Interaction, ObjectClass
 from model.scenes.generated_name import GeneratedName
 from model.scenes.priors import believed
 from model.scenes.replay import observed, replay
-from model.scenes.room import ROOM, farthest
+from model.scenes.room import check_near
 from model.scenes.world.interactions import ALL_INTERACTIONS, Script, draw_script
 from model.scenes.world.materials import LIKELY
 from model.scenes.world.sensor import (
@@ -38,16 +37,6 @@ SPLIT = 0.7
 """Share of the frames that may be learned from."""
 INTERACTIONS = (3, 4)
 """Per object."""
-
-
-class LeftTheRoom(InputError):
-    """A world that is finite, and no world that there is."""
-
-    def __init__(self, frame: int, away: float) -> None:
-        """Say it in one line."""
-        super().__init__(
-            f"the simulation diverged: in frame {frame} a point is {away:.2g} m from where it lay"
-        )
 
 
 def draw_cases(
@@ -91,7 +80,7 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
         script.times,
         STANDARD_GRAVITY,
     )
-    _check_near(moved)
+    check_near(moved, moved[0])
     surface = _surface(thing, moved)
     cameras = look(surface, script.hands, 1 if sensor == "camera" else RIG, rng)
     visible = seen(surface, script.hands, cameras)
@@ -106,14 +95,6 @@ def draw_case(thing: Thing, interaction: Interaction, sensor: Sensor, rng: np.ra
         measured = lifted(points, replay(case, reference(thing, case)), case.camera, rng)
     measured[~interrupted(visible[:, chosen], rng)] = np.nan
     return replace(case, observation=replace(case.observation, points=measured))
-
-
-def _check_near(moved: Float32[Array, "T P 3"]) -> None:
-    """See that nothing has flown off."""
-    away = farthest(moved, moved[0])
-    if (away > ROOM).any():
-        frame = int((away > ROOM).argmax())
-        raise LeftTheRoom(frame, float(away[frame]))
 
 
 def reference(thing: Thing, case: Case) -> Parameters:
