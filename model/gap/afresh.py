@@ -27,12 +27,14 @@ FOLLOWED: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 2}
 """Of all that is looked at, where rollouts do not take long; of two one is faint and one strong."""
 
 
-def afresh(study: Study, hypothesis: Hypothesis) -> Estimate:
+def afresh(study: Study, hypothesis: Hypothesis, suggested: Mapping[str, float] | None = None) -> Estimate:
     """The best of fits that begin at places all around, in all strengths.
 
     Args:
         study: The fitted plain twin.
         hypothesis: With one effect.
+        suggested: Values of the effect's own, by `effect.quantity`, that another recording suggests: a fit
+            begins with them too, and with the plain twin's; None: it suggests none.
     """
     (effect,) = hypothesis.effects
     misfit = study.misfit.of(hypothesis)
@@ -41,9 +43,12 @@ def afresh(study: Study, hypothesis: Hypothesis) -> Estimate:
     quarter = quarter_of(misfit)
     found = []
     count = 1 if study.dear else FOLLOWED[study.plain.twin.body.shape]
-    for one in _followed(left, strength, count):
+    places = [starts[one] for one in _followed(left, strength, count)]
+    if suggested is not None:
+        places += [misfit.coordinates.vector({**study.base.values, **suggested})]
+    for place in places:
         misfit.settle()
-        found.append(estimate(misfit, starts[one][None], STEPS, quarter, slopes=False))
+        found.append(estimate(misfit, place[None], STEPS, quarter, slopes=False))
     return min(found, key=lambda one: one.cost)
 
 

@@ -16,6 +16,7 @@ from model.gap.closure import transfer as closed_there
 from model.gap.confirm import Confirmed, Fitted, confirm, localised, refit
 from model.gap.diagnosis import Diagnosis
 from model.gap.effects.base import Effect
+from model.gap.elsewhere import Elsewhere
 from model.gap.estimate import Estimate
 from model.gap.evidence import Evidence, gather
 from model.gap.found import Found, Tried
@@ -84,6 +85,8 @@ class _Screened:
     """What the jury believes."""
     begins: Mapping[EffectName, Begun]
     """Where a fit of each may begin; what leaves least first."""
+    elsewhere: Elsewhere | None
+    """The other recording; None: there is none."""
 
 
 def _diagnosed(
@@ -119,20 +122,21 @@ def _screened(fitted: Study, other: Transferred | None, tell: Progress) -> _Scre
     tell("screen", 0.1)
     able = able_effects(fitted)
     evidence = gather(fitted, able, _within(tell, "screen", 0.1, 0.13))
-    if other is not None:
-        again = other.study(fitted)
-        shown = gather(again, able_effects(again), _within(tell, "screen", 0.16, 0.19))
+    elsewhere = None if other is None else Elsewhere.of(other.study(fitted))
+    if elsewhere is not None:
+        shown = gather(elsewhere.study, elsewhere.able, _within(tell, "screen", 0.16, 0.19))
         evidence = evidence.joined(shown)
     shape, ground = fitted.plain.twin.body.shape, fitted.observation.ground_height is not None
     signs = signs_of(evidence, shape, fitted.base.cost, ground)
     begins = searched(fitted, able, _within(tell, "screen", 0.2, 0.3))
     effects = {name: effect for name in EFFECT_NAMES for effect in able if effect.name == name}
-    return _Screened(effects, evidence, signs, judged(Jury.shipped(), signs), begins)
+    return _Screened(effects, evidence, signs, judged(Jury.shipped(), signs), begins, elsewhere)
 
 
 def _afresh(fitted: Study, screened: _Screened, name: EffectName) -> Estimate:
-    effects, where = (screened.effects[name],), screened.begins[name].where
-    return afresh(fitted, replace(fitted.plain, effects=effects, where=where))
+    effects, where, elsewhere = (screened.effects[name],), screened.begins[name].where, screened.elsewhere
+    shown = None if elsewhere is None else elsewhere.suggests(name, where)
+    return afresh(fitted, replace(fitted.plain, effects=effects, where=where), shown)
 
 
 def _refitted(fitted: Study, anew: Mapping[EffectName, Estimate]) -> Fitted:

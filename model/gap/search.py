@@ -90,7 +90,12 @@ def searched(
     return {name: found[name] for name in sorted(found, key=lambda name: found[name].left)}
 
 
-def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping[str, float]]) -> Begun:
+def beginning(
+    study: Study,
+    effects: tuple[Effect, ...],
+    tried: Sequence[Mapping[str, float]],
+    where: Field | None = None,
+) -> Begun:
     """A step from the strength that promises most; or hardly any of it, where a step from there leaves more.
 
     Args:
@@ -98,8 +103,9 @@ def beginning(study: Study, effects: tuple[Effect, ...], tried: Sequence[Mapping
         effects: One, or two that are at work together.
         tried: Values by `effect.quantity`, each looked at in all strengths; what is not given starts where
             its effect says.
+        where: How strongly they act on each mass point, 0..1; None: on all alike.
     """
-    return _begun(study, _found(study, effects, tried), tried)
+    return _begun(study, _found(study, effects, tried, where), tried)
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,14 @@ def test_wherever_the_plain_twin_ended(dragged, misled, with_drag):
     assert afresh(misled, with_drag).values == afresh(dragged, with_drag).values
 
 
+def test_a_fit_begins_with_what_another_recording_suggests_too(dragged, with_drag, monkeypatch):
+    """Where nothing that is looked at is followed."""
+    monkeypatch.setattr("model.gap.afresh._followed", lambda left, strength, count: [])
+    found = afresh(dragged, with_drag, {DRAG: 5.0})
+    assert found.values[DRAG] == pytest.approx(4.0, rel=0.2)
+    assert found.cost < 0.7 * dragged.base.cost
+
+
 def test_a_fit_takes_it_where_it_leaves_less(misled, with_drag):
     """From the wrong valley no fit gets all the way."""
     plain, anew = refit(misled), afresh(misled, with_drag)
