@@ -40,7 +40,7 @@ def consistency(records: Sequence[Record]) -> Consistency:
             for part in record.parts:
                 number = value(part)
                 if number is not None:
-                    groups.setdefault(record.object_name, []).append((label(record, part), number))
+                    groups.setdefault(record.thing, []).append((label(record, part), number))
         return spread_interval([groups[name] for name in sorted(groups)], _within)
 
     return Consistency(
@@ -56,7 +56,7 @@ def _material(_: Record, part: PartRecord) -> str:
 
 
 def _piece(record: Record, part: PartRecord) -> str:
-    return f"{record.object_name} {part.part}"
+    return f"{record.thing} {part.part}"
 
 
 def _error(part: PartRecord) -> float | None:

@@ -62,5 +62,9 @@ def _about(run: Run) -> str:
 def _how(run: Run) -> str:
     of = ", ".join(f"`{name}` {digest}" for name, digest in run.weights.items())
     weights = f"Weights (SHA-256): {of}. " if of else ""
-    means = "Means over objects with 95 % intervals (bootstrap over objects)."
+    means = (
+        "Means over objects with 95 % intervals (bootstrap over objects). Figures of parts are of all parts "
+        "of the drawn objects, errors of global parameters root mean squares, and intervals of the spread of "
+        "ln E are of a jackknife over objects."
+    )
     return f"```\n{run.command}\n```\n\n{weights}{means}\n"

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from model.errors import InputError
 from model.formats.files import replacing
+from model.scenes.object_group import object_group
 
 Scores: TypeAlias = dict[str, float]
 """By metric: `chamfer`, `track`, `matched` [m]; `iou`, `psnr` and `psnr_object` [dB], `ssim`, `lpips`."""
@@ -78,9 +79,15 @@ class Record(Strict):
     """Frames split … T - 1."""
     unseen: list[Transfer]
     curve: list[float]
-    """Track error of every frame of the case itself [m]; frames of which nothing is known are left out."""
+    """Track error of every frame of the case itself [m]; frames of which nothing is known have what lies
+    between those beside them."""
     parts: list[PartRecord]
     globals: dict[str, GlobalRecord]
+
+    @property
+    def thing(self) -> str:
+        """What was recorded: clips of one thing are not independent, whatever their objects are called."""
+        return object_group(self.object_name)
 
 
 def read_records(path: Path) -> list[Record]:

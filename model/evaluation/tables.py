@@ -148,7 +148,7 @@ def values(records: Iterable[Record], setting: Setting, metric: str) -> dict[tup
     for record in records:
         for case, scores in scores_of(record, setting).items():
             if metric in scores:
-                found[record.object_name, f"{record.case} → {case}"] = scores[metric]
+                found[record.thing, f"{record.case} → {case}"] = scores[metric]
     return found
 
 
@@ -214,7 +214,7 @@ def _part_errors(records: Iterable[Record]) -> dict[tuple[str, str], float]:
     for record in records:
         errors = [abs(p.log_estimate - p.log_truth) for p in record.parts if p.log_truth is not None]
         if errors:
-            found[record.object_name, record.case] = float(np.mean(errors))
+            found[record.thing, record.case] = float(np.mean(errors))
     return found
 
 
@@ -262,7 +262,7 @@ def _global_error(records: Iterable[Record], name: str) -> Interval | None:
         if name in record.globals:
             entry = record.globals[name]
             ratio = max(entry.estimate, 1e-6) / max(entry.truth, 1e-6)
-            groups.setdefault(record.object_name, []).append(float(np.log(ratio)) ** 2)
+            groups.setdefault(record.thing, []).append(float(np.log(ratio)) ** 2)
     ordered = [groups[key] for key in sorted(groups)]
     return interval(ordered, lambda chosen: float(np.sqrt(np.mean([np.mean(each) for each in chosen]))))
 
@@ -301,5 +301,5 @@ def _seconds(records: Iterable[Record], field: str) -> dict[str, list[float]]:
     groups: dict[str, list[float]] = {}
     for record in records:
         if record.failed is None:
-            groups.setdefault(record.object_name, []).append(float(getattr(record, field)))
+            groups.setdefault(record.thing, []).append(float(getattr(record, field)))
     return groups

@@ -1,6 +1,6 @@
 """Parameters against the truth: what stiffness a method means per part, and how right it is."""
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,7 +109,7 @@ def global_coverage(records: Sequence[Record], name: str, seed: int = 0) -> Inte
             truth, estimate = (_free(value, odds) for value in (entry.truth, entry.estimate))
             slope = entry.estimate * (1.0 - entry.estimate if odds else 1.0)
             spread = entry.std / max(slope, TINY)
-            groups.setdefault(record.object_name, []).append(abs(estimate - truth) <= WIDTH * spread)
+            groups.setdefault(record.thing, []).append(abs(estimate - truth) <= WIDTH * spread)
     ordered = [groups[key] for key in sorted(groups)]
     return interval(ordered, lambda chosen: float(np.mean([np.mean(each) for each in chosen])), seed)
 
@@ -121,22 +121,32 @@ def _free(value: float, odds: bool) -> float:
 
 
 def rank_lost(first: Sequence[Record], second: Sequence[Record], seed: int = 0) -> Interval | None:
-    """How far the rank correlation of the second method is below that of the first, on objects of both."""
-    ours, theirs = _by_object(first), _by_object(second)
+    """How far the rank correlation of the second method is below that of the first, on parts told by both."""
+    told = _told(first) & _told(second)
+    ours, theirs = (_by_object(records, told) for records in (first, second))
     pairs = [(ours[name], theirs[name]) for name in sorted(ours.keys() & theirs.keys())]
     return interval(
         pairs, lambda drawn: _rank([one for one, _ in drawn]) - _rank([other for _, other in drawn]), seed
     )
 
 
-def _by_object(records: Sequence[Record]) -> dict[str, Float64[Array, "n 3"]]:
-    """Truth, estimate and stated spread of every part whose truth is known."""
+def _told(records: Sequence[Record]) -> set[tuple[str, int]]:
+    """Clips and parts whose truth is known."""
+    return {
+        (record.case, part.part) for record in records for part in record.parts if part.log_truth is not None
+    }
+
+
+def _by_object(
+    records: Sequence[Record], only: Set[tuple[str, int]] | None = None
+) -> dict[str, Float64[Array, "n 3"]]:
+    """Truth, estimate and stated spread of every part whose truth is known, or of these alone."""
     groups: dict[str, list[tuple[float, float, float]]] = {}
     for record in records:
         for part in record.parts:
-            if part.log_truth is not None:
+            if part.log_truth is not None and (only is None or (record.case, part.part) in only):
                 spread = float("nan") if part.log_spread is None else part.log_spread
-                groups.setdefault(record.object_name, []).append((part.log_truth, part.log_estimate, spread))
+                groups.setdefault(record.thing, []).append((part.log_truth, part.log_estimate, spread))
     return {name: np.array(rows, np.float64) for name, rows in groups.items()}
 
 

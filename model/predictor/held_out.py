@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 from scipy.stats import spearmanr
-from torch import Tensor, distributed
+from torch import distributed
 
 from model.predictor.batches import Batch
 from model.predictor.losses import covered
-from model.predictor.objective import Judged, LossWeights
+from model.predictor.objective import Judged, LossWeights, belief_counts, belief_terms
 from model.predictor.sample import Prediction
 from model.types import Array
 
@@ -23,13 +23,14 @@ class HeldOut:
 
     def __init__(self) -> None:
         """Nothing is gathered yet."""
-        self._totals: list[tuple[float, int]] = []
+        self._terms: list[dict[str, tuple[float, int]]] = []
         self._parts: list[tuple[str, Float64[Array, "K 4"]]] = []
         self._motions: list[Judged] = []
 
-    def add_beliefs(self, prediction: Prediction, batch: Batch, total: Tensor) -> None:
-        """Of a batch, with the weighted sum of its terms that need no rollout."""
-        self._totals.append((float(total), len(batch)))
+    def add_beliefs(self, prediction: Prediction, batch: Batch) -> None:
+        """Of a batch."""
+        terms, counts = belief_terms(prediction, batch), belief_counts(batch)
+        self._terms.append({name: (float(term), counts[name]) for name, term in terms.items()})
         inside = covered(
             prediction.part_log_modulus, prediction.part_log_spread, batch.truth.part_log_modulus
         )
@@ -59,7 +60,7 @@ class HeldOut:
         """What several of them have gathered."""
         whole = cls()
         for one in several:
-            whole._totals += one._totals
+            whole._terms += one._terms
             whole._parts += one._parts
             whole._motions += one._motions
         return whole
@@ -81,8 +82,7 @@ class HeldOut:
         distances of points over the object's size before and from the split on; `diverged` the share of cases
         that did, which count in the others as objects that do not move.
         """
-        count = sum(size for _, size in self._totals)
-        found = {"loss": sum(total * size for total, size in self._totals) / max(count, 1)}
+        found = {"loss": sum(getattr(weights, name) * value for name, value in self._means().items())}
         for opinion in sorted({name for name, _ in self._parts}):
             found |= _beliefs(
                 opinion, np.concatenate([rows for name, rows in self._parts if name == opinion])
@@ -99,6 +99,14 @@ class HeldOut:
             moved = {"track": weights.track, "chamfer": weights.chamfer}
             found["loss"] += sum(weight * found.get(name, 0.0) for name, weight in moved.items())
         return found
+
+    def _means(self) -> dict[str, float]:
+        """Of the terms that need no rollout, over all beliefs: not over batches, which differ in size."""
+        means = {}
+        for name in self._terms[0] if self._terms else ():
+            each = [terms[name] for terms in self._terms]
+            means[name] = sum(mean * count for mean, count in each) / max(sum(count for _, count in each), 1)
+        return means
 
 
 def _beliefs(opinion: str, rows: Float64[Array, "K 4"]) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """The training of the predictor, as Lightning wants it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -154,6 +154,7 @@ class PredictorModule(LightningModule):
         """Loss of a batch."""
         prediction = self(batch)
         terms = belief_terms(prediction, batch)
+        self._check_finite(terms)
         horizon = self.rollouts.horizon(self.current_epoch, self.trainer.max_epochs or 1)
         if horizon:
             moved, diverged = motion_terms(prediction, batch, self._chosen(len(batch), batch_idx), horizon)
@@ -180,6 +181,20 @@ class PredictorModule(LightningModule):
                 sync_dist=name not in MOVED,  # all of a process's rollouts may diverge: it has none to add
             )
         return loss
+
+    def _check_finite(self, terms: Mapping[str, Tensor]) -> None:
+        """Stop where nothing can be learned any more.
+
+        Raises:
+            InputError: a term is NaN or infinite.
+        """
+        lost = [name for name, value in terms.items() if not bool(torch.isfinite(value))]
+        if lost:
+            raise InputError(
+                f"training diverged in epoch {self.current_epoch}: the loss of {', '.join(lost)} is not "
+                f"finite: lower model.learning_rate ({self.learning_rate:g}), or clip with "
+                "trainer.gradient_clip_val"
+            )
 
     def on_validation_epoch_start(self) -> None:
         """Forget the last validation."""
@@ -234,7 +249,7 @@ class PredictorModule(LightningModule):
 
     def _judge(self, batch: Batch, most: int | None) -> None:
         prediction = self(batch)
-        self._held.add_beliefs(prediction, batch, self.weights.total(belief_terms(prediction, batch)))
+        self._held.add_beliefs(prediction, batch)
         for example, mechanics in zip(
             batch.examples, mechanics_of(prediction, batch.sample, batch.cases), strict=True
         ):

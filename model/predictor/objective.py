@@ -73,6 +73,17 @@ def belief_terms(prediction: Prediction, batch: Batch) -> dict[str, Tensor]:
     }
 
 
+def belief_counts(batch: Batch) -> dict[str, int]:
+    """Of how many beliefs each of these terms is the mean, by name."""
+    known = {
+        "parts": batch.truth.part_log_modulus,
+        "springs": batch.truth.log_modulus,
+        "globals": batch.truth.globals,
+    }
+    counts = {name: int(torch.isfinite(truth).sum()) for name, truth in known.items()}
+    return {"prior": batch.sample.prior_log_modulus.numel(), **counts}
+
+
 def motion_terms(
     prediction: Prediction, batch: Batch, chosen: Sequence[int], horizon: int
 ) -> tuple[dict[str, Tensor], int]:

@@ -85,11 +85,12 @@ class TrainingCLI(LightningCLI):
                 is logged, predicted or exported cannot be written.
         """
         epochs = self._get(self.config, "trainer.max_epochs")
-        if epochs is not None and epochs < 0:
+        if self.subcommand == "fit" and (epochs is None or epochs < 0):
             raise InputError(
-                f"trainer.max_epochs is {epochs}: expected 0 or more: the learning rate falls, and rollouts "
-                "grow, over a number of epochs that is known"
+                f"trainer.max_epochs is {'null' if epochs is None else epochs}: expected 0 or more: the "
+                "learning rate falls, and rollouts grow, over a number of epochs that is known"
             )
+        self._refuse_ignored()
         if self.subcommand in ("fit", "predict"):
             check_writable(Path(self._get(self.config, "out")) / "anything")
         export = self._get(self.config, "export") if self.subcommand == "fit" else None
@@ -112,6 +113,18 @@ class TrainingCLI(LightningCLI):
             )
         if path is not None and not Path(path).is_file():
             raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
+
+    def _refuse_ignored(self) -> None:
+        """What else would be ignored without a word.
+
+        Raises:
+            InputError: logs are sent elsewhere than to `--out`, or something is exported that is not trained.
+        """
+        for name in ("logger", "default_root_dir"):
+            if self._get(self.config, f"trainer.{name}") is not None:
+                raise InputError(f"trainer.{name}: logs and checkpoints go to --out: leave it out")
+        if self.subcommand != "fit" and self._get(self.config, "export") is not None:
+            raise InputError(f"{self.subcommand}: --export is of what `fit` trains: leave it out")
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:  # noqa: ANN401 - Lightning's own signature
         """With logs, checkpoints and exports in `--out`."""

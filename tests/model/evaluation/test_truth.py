@@ -90,3 +90,6 @@ def test_what_is_lost_in_rank_is_over_objects_of_both_and_paired(records):
     close, alone = rank_lost(theirs, other), truth_scores(theirs).rank
     assert close.high - close.low < 0.5 * (alone.high - alone.low)
     assert rank_lost(ours, []) is None
+    # where one told nothing of a clip, the other is not asked of it either
+    again = [one.model_copy(update={"case": f"{one.case}-again", "parts": ours[0].parts}) for one in ours]
+    assert rank_lost(ours, theirs) == rank_lost([*ours, *again], theirs)
