@@ -46,6 +46,8 @@ Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
 Size: TypeAlias = Annotated[int, Field(gt=0)]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
+ROTATED = 1e-2
+"""By how much rows of a rotation may differ from being of length 1 and at right angles."""
 MOST_FRAMES = 100_000
 """Of a clip, an hour of it: what a twin says of its own is simulated where nobody gives other controls."""
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -68,6 +70,30 @@ class CameraRecord(Record):
     height: Size | None = None
     source: str | None = None
     """How intrinsics and pose were fixed."""
+
+    @field_validator("intrinsics")
+    @classmethod
+    def _is_pinhole(cls, rows: tuple[Row3, Row3, Row3] | None) -> tuple[Row3, Row3, Row3] | None:
+        if rows is None:
+            return None
+        (fx, _, _), (zero, fy, _), last = rows
+        if not (fx > 0.0 and fy > 0.0 and zero == 0.0 and last == (0.0, 0.0, 1.0)):
+            raise ValueError("expected ((fx, s, cx), (0, fy, cy), (0, 0, 1)) with fx and fy above 0")
+        return rows
+
+    @field_validator("world_from_camera")
+    @classmethod
+    def _is_pose(cls, rows: tuple[Row4, Row4, Row4, Row4] | None) -> tuple[Row4, Row4, Row4, Row4] | None:
+        if rows is not None:
+            turn = [row[:3] for row in rows[:3]]
+            products = [
+                sum(a * b for a, b in zip(one, other, strict=True)) - (one is other)
+                for one in turn
+                for other in turn
+            ]
+            if rows[3] != (0.0, 0.0, 0.0, 1.0) or max(map(abs, products)) > ROTATED:
+                raise ValueError("expected a rotation and a place [m] above a last row of 0, 0, 0, 1")
+        return rows
 
 
 class SourceRecord(Record):

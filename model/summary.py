@@ -72,18 +72,18 @@ def print_stages(twin: TwinBundle, seconds: Mapping[str, float], console: Consol
     stages = twin.manifest.stages
     if not stages:
         return
-    timed = {stage.name: seconds.get(stage.name, stage.seconds) for stage in stages}
-    weights = {stage.name: (stage.weights or "none")[:12] for stage in stages}
+    # each by itself: a twin that was edited twice has two stages of a name
+    timed = [seconds.get(stage.name, stage.seconds) for stage in stages]
     rows = [
         (
             stage.name,
             stage.method or "",
             stage.version or "",
-            weights[stage.name],
-            "" if timed[stage.name] is None else f"{timed[stage.name]:.2f}",
+            (stage.weights or "none")[:12],
+            "" if time is None else f"{time:.2f}",
             str(len(stage.warnings) or ""),
         )
-        for stage in stages
+        for stage, time in zip(stages, timed, strict=True)
     ]
     columns = ("stage", "method", "version", "weights", "seconds", "warnings")
     _print(console or make_console(), "Stages", columns, rows)

@@ -35,6 +35,10 @@ class Exporter(ABC):
         """A line for each thing of the twin that the files do not have: to be told, and for a README."""
         names = dict.fromkeys(effect.name for effect in twin.effects)
         lost = [self.lost(name) for name in names if name not in self.expressed]
+        if self.simulated and scalar(twin.parameters, "collision_distance", 0.0):
+            lost.append(
+                f"{self.name}: the files have no self-contact: points of the object pass through each other"
+            )
         if self.simulated and scalar(twin.parameters, "bending_decay", 0.0):
             lost.append(
                 f"{self.name}: the files have no bending_decay: zigzags of neighbours go on for longer"

@@ -1,5 +1,6 @@
 """A twin of fewer points and springs that moves the same within a measured deviation, for real-time use."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -185,11 +186,16 @@ def _fit(small: "TwinBundle", truth: Float32[Array, "T n 3"]) -> "tuple[TwinBund
             return float("inf")
 
     misses = {factor: miss(factor) for factor in FACTORS}
-    best = min(misses, key=lambda factor: misses[factor])
+
+    def best_of() -> float:
+        """Of those that follow alike, as where nothing moves, the one that changes least."""
+        return min(misses, key=lambda factor: (misses[factor], abs(math.log(factor))))
+
+    best = best_of()
     for step in (1.3, 1.14):
         for factor in (best / step, best * step):
             misses.setdefault(factor, miss(factor))
-        best = min(misses, key=lambda factor: misses[factor])
+        best = best_of()
     if not np.isfinite(misses[best]):
         raise InputError("--points: the smaller twin diverges: give more points")
     return scaled(best), best

@@ -26,7 +26,7 @@ def write_folder(out: Path, files: Mapping[str, bytes], series: str | None = Non
         series: Names of which the export before may have had more, as a regular expression: those go.
 
     Raises:
-        InputError: `out` is a file, nothing can be written there, or its README is of something else.
+        InputError: `out` is a file, nothing can be written there, or what is there is of no export.
     """
     if out.exists() and not out.is_dir():
         raise InputError(f"cannot write {out}: it is a file, and this format is a folder: give another name")
@@ -34,6 +34,9 @@ def write_folder(out: Path, files: Mapping[str, bytes], series: str | None = Non
     again = readme.is_file()
     if again and not readme.read_bytes().startswith(OURS):
         raise InputError(f"cannot write {readme}: it is of no export: give the name of another folder")
+    foreign = [] if again else [out / name for name in files if (out / name).exists()]
+    if foreign:
+        raise InputError(f"cannot write {foreign[0]}: it is of no export: give the name of another folder")
     written = []
     for name, content in files.items():
         with replacing(out / name) as temporary:

@@ -67,6 +67,13 @@ class Mechanics:
         """Substep [s]."""
         return self.interval / self.substeps
 
+    @property
+    def needed(self) -> float:
+        """The longest substep that is stable [s]: without the margin."""
+        from model.simulator.pace import MARGIN
+
+        return MARGIN * self.interval / max(self.substeps, 1)
+
 
 def mechanics_of(twin: "TwinBundle") -> Mechanics:
     """The twin without its effects, with as many substeps as its recorded motion takes.
@@ -75,8 +82,11 @@ def mechanics_of(twin: "TwinBundle") -> Mechanics:
         InputError: the motion diverges, or a parameter is not one number.
     """
     topology, parameters = twin.topology, twin.parameters
-    rollout = roll(replace(twin, effects=()))
-    times = rollout.times
+    plain = replace(twin, effects=())
+    rollout = roll(plain)
+    times, substeps = rollout.times, int(rollout.metadata["substeps_per_frame"])
+    if len(times) < 2:  # it has not moved, and may be about to
+        substeps = plain.simulator().needed_substeps(1.0 / FPS)
     held = twin.topology.controller_points.astype(np.float64)
     still = np.repeat(held[None], len(times), axis=0)
     grips = topology.controller_springs.astype(np.int64)
@@ -103,7 +113,7 @@ def mechanics_of(twin: "TwinBundle") -> Mechanics:
         ground_height=ground_height(parameters),
         times=times,
         controls=still if twin.controls is None else twin.controls.astype(np.float64),
-        substeps=max(1, int(rollout.metadata["substeps_per_frame"])),
+        substeps=max(1, substeps),
     )
 
 

@@ -21,6 +21,8 @@ SCRIPT = Path(__file__).parent / "scripts" / "mujoco_replay.py"
 RADIUS = 1e-3
 """Of the balls that touch the ground [m]; the plane lies as much lower."""
 HARD = "0.001 0.001 0.001"
+STUCK = 500.0
+"""Drag times a time step, beyond which nothing moves and exponentials leave the numbers."""
 """Impedance at which a contact is a spring and a damper; a harder one lets slip lift things."""
 
 
@@ -99,7 +101,7 @@ def write_document(mechanics: Mechanics, colors: Float64[Array, "N 3"], name: st
     ]
     if mechanics.ground_height is not None:
         lines.append(_plane(mechanics.ground_height))
-    damping = mechanics.mass * math.expm1(mechanics.drag_rate * step) / step
+    damping = mechanics.mass * math.expm1(min(mechanics.drag_rate * step, STUCK)) / step
     each = zip(
         mechanics.points.tolist(), mechanics.mass.tolist(), damping.tolist(), colors.tolist(), strict=True
     )
@@ -176,8 +178,6 @@ def _readme(twin: "TwinBundle", mechanics: Mechanics, losses: tuple[str, ...]) -
             "twin's is an impact: a bounce comes some steps late, and a point sinks by what it moves in a "
             "step. `replay.py` puts the twin's impact in its place, `replay.py --ground contact` does not."
         )
-    if mechanics.collision_distance:
-        limits.append("Points of the object pass through each other: the twin's self-contact is left out.")
     return write_readme(
         twin,
         "A MatPhys twin in MuJoCo",

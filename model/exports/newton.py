@@ -65,8 +65,6 @@ def _readme(twin: "TwinBundle", mechanics: Mechanics, losses: tuple[str, ...]) -
         "Newton's particles have no drag and no impact with the ground: the kernel `finish` of run.py has to "
         "follow each step, in a scene of your own too.",
     ]
-    if mechanics.collision_distance:
-        limits.append("Points of the object pass through each other: the twin's self-contact is left out.")
     limits.append("The Gaussians are not in it: export them with `--to ply` or `--to usd`.")
     arrays = (
         "points [N, 3] m, mass [N] kg, edges [E, 2] (points from 0, then controllers from N), rest_length [E]"

@@ -25,6 +25,8 @@ STIFFEST = 1e5
 """Largest stiffness per strain that its simulator takes [N] per kilogram of a point."""
 GRAVITY = 9.8
 """What its simulator has, downwards [m/s²]."""
+STEP = 5e-5
+"""Of its simulator [s], 667 a frame at 30 frames per second."""
 ALIKE = 1e-3
 """Relative difference up to which numbers count as equal."""
 ALOFT = 5.0
@@ -104,6 +106,7 @@ def _check(twin: "TwinBundle", mechanics: Mechanics) -> float:
             (np.abs(apart - mechanics.rest_length) > ALIKE * apart).any()
         ),
         "friction is above 2": mechanics.friction > 2,
+        f"it steps at {STEP:g} s, and this twin needs {mechanics.needed:.3g} s": mechanics.needed < STEP,
     }
     for reason, broken in reasons.items():
         if broken:
@@ -229,7 +232,6 @@ def _readme(twin: "TwinBundle", mechanics: Mechanics, losses: tuple[str, ...]) -
         "Its simulator steps at 5e-5 s, 667 steps per frame at 30 frames per second, whatever the twin "
         "needs.",
         f"Gravity is {GRAVITY} m/s² there. Controllers count as still in its dampers.",
-        "Points of one object pass through each other there, whatever the collision distance.",
     ]
     if mechanics.ground_height is None:
         limits.append(f"The ground z = 0 is always there: the twin floats {ALOFT:g} m above it.")

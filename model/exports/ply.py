@@ -38,12 +38,11 @@ class PlyExporter(Exporter):
 
     name: ClassVar[str] = "ply"
     simulated: ClassVar[bool] = False
+    expressed: ClassVar[frozenset[str]] = EVERY_EFFECT  # the frames move with them, and at rest none shows
 
     def __init__(self, every_frame: bool = False) -> None:
         """See the class."""
         self.every_frame = every_frame
-        if every_frame:
-            self.expressed = EVERY_EFFECT  # type: ignore[misc]  # of this instance: its files move
 
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
         """Write the Gaussians at rest to the file `out`, or each frame into the folder `out`."""

@@ -84,8 +84,10 @@ def grip_on(number: int, point: int, bundle: TwinBundle, positions: Float[Array,
     for end in (0, 1):
         np.add.at(around, topology.springs[:, end], bundle.parameters.stiffness)
     stiffness = around[points]
-    weight = 9.81 * float(topology.mass.sum())
-    stiffness *= max(1.0, weight / SAG / max(stiffness.sum(), 1e-12))
+    carrying = 9.81 * float(topology.mass.sum()) / SAG
+    if not stiffness.any():
+        stiffness = np.full(len(points), carrying / len(points))
+    stiffness *= max(1.0, carrying / max(stiffness.sum(), 1e-12))
     here = positions[point].astype(np.float64)
     offsets = positions[points].astype(np.float64) - here
     return Grip(number, point, points, offsets, np.maximum(stiffness, 1e-6), here, here)

@@ -42,6 +42,14 @@ BROKEN = {
         lambda m: with_manifest(source={"camera": {"intrinsics": [[1, 0, 0]]}}),
         "source.camera.intrinsics.1",
     ),
+    "camera without a focal length": (
+        lambda m: with_manifest(source={"camera": {"intrinsics": [[0, 0, 0], [0, 0, 0], [0, 0, 1]]}}),
+        "expected ((fx, s, cx), (0, fy, cy), (0, 0, 1)) with fx and fy above 0",
+    ),
+    "camera that is nowhere": (
+        lambda m: with_manifest(source={"camera": {"world_from_camera": [[0, 0, 0, 0]] * 4}}),
+        "expected a rotation and a place [m]",
+    ),
     "another frame": (
         lambda m: with_manifest(frame="y-up"),
         "twin.json: frame: expected the world frame 'z-up', found 'y-up'",

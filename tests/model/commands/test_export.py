@@ -84,6 +84,17 @@ def test_the_readme_of_something_else_is_left_alone(export, twin_path, tmp_path,
     assert not (out / "twin.xml").exists()
 
 
+def test_files_of_something_else_are_left_alone(export, twin_path, tmp_path):
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "run.py").write_text("my work")
+    done = export(twin_path, "--to", "newton", "--out", out)
+    assert done.code == 2
+    assert done.line.endswith("run.py: it is of no export: give the name of another folder")
+    assert [path.name for path in out.iterdir()] == ["run.py"]
+    assert (out / "run.py").read_text() == "my work"
+
+
 def test_frames_of_a_longer_export_go_and_other_files_stay(export, write_twin, tensors, tmp_path):
     out = tmp_path / "out"
     out.mkdir()

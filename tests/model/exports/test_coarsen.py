@@ -89,6 +89,11 @@ def test_a_count_that_is_no_reduction_is_refused(fine, count):
         coarsen(fine, count)
 
 
+def test_a_twin_that_does_not_move_stays_as_stiff(fine):
+    still = replace(fine, controls=fine.controls[:1])
+    assert coarsen(still, 40).deviation["stiffness_factor"] == 1.0
+
+
 def test_effects_belong_to_the_points_of_the_whole_twin(fine):
     with pytest.raises(InputError, match="belongs to the points"):
         coarsen(replace(fine, effects=(EffectRecord(name="wind"),)), 40)

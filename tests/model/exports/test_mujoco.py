@@ -1,3 +1,4 @@
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import mujoco
@@ -7,6 +8,7 @@ import pytest
 from model.errors import InputError
 from model.exports.mechanics import mechanics_of
 from model.exports.mujoco import MujocoExporter
+from model.types import Parameter
 
 
 @pytest.fixture
@@ -60,6 +62,16 @@ def test_it_says_what_it_wrote_and_what_it_cannot_express(sheet, tmp_path):
     text = (tmp_path / "new" / "README.md").read_text()
     for needed in ("z up", "N/m", "cannot express", "mocap", f"{mechanics_of(sheet).step:.6g} s"):
         assert needed in text
+
+
+def test_drag_beyond_all_numbers_stops_points(sheet, tmp_path):
+    stuck = {**sheet.parameters.globals, "drag_rate": Parameter(1e7, "1/s", "user")}
+    twin = replace(sheet, parameters=replace(sheet.parameters, globals=stuck))
+    MujocoExporter()(twin, tmp_path)
+    data = mujoco.MjData(mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml")))
+    before = data.qpos.copy()
+    mujoco.mj_step(data.model, data)
+    np.testing.assert_allclose(data.qpos, before, atol=1e-9)
 
 
 def test_names_of_a_twin_cannot_break_the_document(sheet, tmp_path):

@@ -157,6 +157,7 @@ def test_harmonics_turn_with_the_world():
         ({"gaussians": "flat"}, "not isotropic"),
         ({"parameters": "stiff"}, "up to 100000"),
         ({"parameters": "moon"}, "gravity is not 9.8"),
+        ({"parameters": "damped"}, "it steps at 5e-05 s, and this twin needs"),
     ],
 )
 def test_a_twin_that_breaks_a_rule_is_refused_with_the_reason(ruled, tmp_path, change, reason):
@@ -183,6 +184,9 @@ def test_a_twin_that_breaks_a_rule_is_refused_with_the_reason(ruled, tmp_path, c
     elif what == "stiff":
         strong = np.full_like(parameters.stiffness, 6e4)
         parameters = replace(parameters, stiffness=strong)
+    elif what == "damped":
+        damped = Parameter(5e3 * float(topology.mass.min()), "N*s/m", "user")
+        parameters = replace(parameters, globals=parameters.globals | {"dashpot_damping": damped})
     elif what == "moon":
         moon = Parameter((0.0, 0.0, -1.6), "m/s^2", "user")
         parameters = replace(parameters, globals=parameters.globals | {"gravity": moon})

@@ -28,6 +28,14 @@ def test_a_hold_is_spread_and_carries_the_object(twin):
     assert grip.stiffness.sum() >= 9.81 * twin.topology.mass.sum() / SAG * 0.999
 
 
+def test_so_does_one_on_points_that_nothing_joins(twin):
+    none = np.zeros((0, 2), np.int32), np.zeros(0, np.float32)
+    topology = replace(twin.topology, springs=none[0], rest_length=none[1])
+    loose = replace(twin, topology=topology, parameters=replace(twin.parameters, stiffness=none[1]))
+    grip = grip_on(1, 13, loose, topology.points)
+    assert grip.stiffness.sum() == pytest.approx(9.81 * topology.mass.sum() / SAG)
+
+
 def test_a_free_one_rides_along_and_a_held_one_follows_the_pointer(twin):
     points = twin.topology.points
     grip = grip_on(1, 5, twin, points)
