@@ -92,7 +92,8 @@ def _read_mask(path: Path) -> Bool[Array, "H W"]:
             if stream.width * stream.height > MAX_MASK_PIXELS:
                 raise InputError(f"{path}: {stream.width}×{stream.height} pixels is too large for a mask")
             frame = next(container.decode(video=0))
-            has_alpha = "a" in frame.format.name and frame.format.has_palette is False
+            # a palette may have a colour that is transparent
+            has_alpha = frame.format.has_palette or "a" in frame.format.name
             grey = frame.to_ndarray(format="gray")
             alpha = frame.to_ndarray(format="rgba")[..., 3] if has_alpha else None
     except (av.FFmpegError, OSError, IndexError, StopIteration) as error:

@@ -101,7 +101,9 @@ def read_video(
         _check_complete(path, container, stream)
         # Only a count that the container itself gives: a rate of 1000 fps, which tools write where the rate
         # varies, makes thirty frames a thousand.
-        keeper = FrameKeeper(max_frames, stride=-(-stream.frames // max_frames))
+        # An AVI counts the empty chunks that stand for frames shown for longer.
+        counted = 0 if "avi" in container.format.name else stream.frames
+        keeper = FrameKeeper(max_frames, stride=-(-counted // max_frames))
         end = 0.0
         for index, frame in enumerate(_decoded(container, stream, path, info, max_pixels)):
             time = index / info.fps if frame.time is None else float(frame.time)

@@ -124,5 +124,5 @@ def _predict(
         case = observe_tracks(bundle, matter.priors, sight.shape_class, camera, tracks, masks, times)
         return predictor(case, sight.frames.images[key:])
     except InputError as error:
-        doubt = f"parameters: the prior's means are used, for the motion says nothing: {error}"
+        doubt = f"the prior's means are used, for the motion says nothing: {error}"
         return replace(bundle.parameters, warnings=(*bundle.parameters.warnings, doubt))

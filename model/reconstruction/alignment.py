@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from model.reconstruction.balls import plane_points
 from model.reconstruction.mesh_file import Surface
-from model.reconstruction.silhouette import resting_depth
+from model.reconstruction.silhouette import pixel_size
 from model.types import Array, Calibration, Camera
 
 HEADINGS = 24
@@ -156,7 +156,7 @@ def _target(
         normals=surface.normals[::step],
         colors=None if surface.colors is None else surface.colors[::step],
         ground=calibration.ground_height,
-        depth=resting_depth(calibration.camera),
+        depth=pixel_size(mask, calibration) * float(calibration.camera.intrinsics[0, 0]),
     )
 
 

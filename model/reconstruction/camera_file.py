@@ -105,6 +105,12 @@ def _entries(path: Path) -> dict[str, object]:
 def _intrinsics(entries: dict[str, object], path: Path) -> Float64[Array, "3 3"]:
     given = entries["intrinsics"]
     if isinstance(given, dict):
+        unknown = sorted(set(given) - {"fx", "fy", "cx", "cy"})
+        if unknown:
+            raise InputError(
+                f"{path}: unknown key intrinsics.{unknown[0]}: it may hold fx, fy, cx, cy "
+                "(undistort the clip before)"
+            )
         values = {key: _number(given.get(key), f"intrinsics.{key}", path) for key in ("fx", "fy", "cx", "cy")}
         matrix = np.array(
             [[values["fx"], 0, values["cx"]], [0, values["fy"], values["cy"]], [0, 0, 1]], np.float64

@@ -127,7 +127,7 @@ def _posed(
             "world_from_camera and the direction of gravity"
         )
     if shape_from_depth:
-        return replace(calibration, warnings=ignored(size_m))
+        return replace(calibration, scale_source="depth in millimetres", warnings=ignored(size_m))
     if depth is not None:
         unused = "depth is not used: the camera file's pose and ground fix the scale"
         calibration = replace(calibration, warnings=(unused,))
@@ -187,6 +187,8 @@ def _from_image(
     if not tilt.reliable:
         angle = np.rad2deg(default)
         doubts = (f"the direction of gravity is a default: camera looks down {angle:.0f}° ({tilt.evidence})",)
+    if not support.static:
+        doubts = (*doubts, f"{support.reason.partition(':')[0]}: if it is the camera, film with one at rest")
     camera = _camera(intrinsics, _pose_over_ground(tilt.up, 1.0), frames)
     calibration = Calibration(
         camera,

@@ -21,6 +21,9 @@ from model.reconstruction.silhouette import SHEET_THICKNESS, completed_mask, sil
 from model.reconstruction.volume import Volume, carved, grid_around, mask_distance, sample_image
 from model.types import Array, Calibration, Camera, Frames, Gaussians, Masks, ShapeClass
 
+LYING = 0.3
+"""An object lies on the ground whose visible surface comes nearer to it, over its longest side, than this and
+what is below the rim of a ball that lies there."""
 FLYING = 0.02
 """A pixel that differs from its neighbourhood's median by more than this share of its depth flies."""
 NOISE = 0.02
@@ -142,7 +145,11 @@ def share_above_ground(
 
 
 def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibration: Calibration) -> Volume:
-    """The volume between the visible surface and a rounded back, above the ground."""
+    """The volume between the visible surface and a rounded back, above the ground.
+
+    Of what lies on the ground the underside is not seen, and no back reaches it: what is below the body is
+    filled, as far as the outline and the visible surface allow.
+    """
     camera, ground = calibration.camera, calibration.ground_height
     focal = float(camera.intrinsics[0, 0])
     inscribed = np.maximum(mask_distance(mask), 0.0)
@@ -155,8 +162,12 @@ def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibrat
     near = camera.unproject(pixels, front[mask])
     far = camera.unproject(pixels, (front + thickness)[mask])
     corners = np.concatenate([near, far])
+    lies = False
     if ground is not None:
         corners[:, 2] = np.maximum(corners[:, 2], ground)
+        lies = _lies(near, ground, camera)
+        if lies:
+            corners[0, 2] = ground
     pixel = float(np.median(front[mask])) / focal
     shape, origin, spacing = grid_around(corners.min(0), corners.max(0), np.eye(3), 0.5 * pixel)
     volume = Volume(np.zeros(shape, np.float32), origin, np.eye(3), spacing)
@@ -166,12 +177,40 @@ def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibrat
     behind = depth - sample_image(front, seen)
     before = sample_image(front + thickness, seen) - depth
     distance = np.minimum(behind, before)
+    if lies:
+        assert ground is not None
+        distance = np.minimum(_filled_below(distance, points[0, 0, :, 2] - ground), behind)
     if ground is not None:
         distance = np.minimum(distance, points[..., 2] - ground)
     rough = Volume(distance.astype(np.float32), origin, np.eye(3), spacing)
     body = carved(rough, mask, camera)
     smooth = ndimage.gaussian_filter(body.distance, 0.7)
     return Volume(smooth, origin, np.eye(3), spacing)
+
+
+def _filled_below(distance: Float64[Array, "X Y Z"], height: Float64[Array, " Z"]) -> Float64[Array, "X Y Z"]:
+    """A body and what is below it, down to an underside half as round as the top.
+
+    Args:
+        distance: To the surface, above 0 inside [m].
+        height: Of the layers over the ground [m].
+    """
+    top = np.where(distance > 0.0, height, 0.0).max(-1)
+    below = height - 0.5 * (top.max() - top)[..., None]
+    above = np.maximum.accumulate(distance[..., ::-1], axis=-1)[..., ::-1]
+    filled: Float64[Array, "X Y Z"] = np.maximum(distance, np.minimum(above, below))
+    return filled
+
+
+def _lies(seen: Float64[Array, "N 3"], ground: float, camera: Camera) -> bool:
+    """Whether what is seen of an object comes as near the ground as that of one that lies on it.
+
+    Of a ball that the camera looks down at by an angle p the lowest that is seen is r (1 - cos p) high.
+    """
+    down = float(np.clip(camera.world_from_camera[2, 2], -1.0, 1.0))
+    rim = 0.5 * (1.0 - float(np.sqrt(1.0 - down**2)))
+    lowest = float(np.percentile(seen[:, 2], 1)) - ground
+    return lowest < (LYING + rim) * float(np.ptp(seen, axis=0).max())
 
 
 def _sheet(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], camera: Camera) -> Filling:

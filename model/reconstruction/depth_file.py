@@ -66,7 +66,11 @@ def read_depth(
 
 def _of_folder(path: Path, keyframe: int, frame_count: int) -> Path:
     """The file of one frame, in numeric order of the names."""
-    files = [file for file in path.iterdir() if file.suffix.lower() in SUFFIXES and file.is_file()]
+    files = [
+        file
+        for file in path.iterdir()
+        if file.suffix.lower() in SUFFIXES and file.is_file() and not file.name.startswith(".")
+    ]
     numbered = [(int(found[-1]), file) for file in files if (found := re.findall(r"\d+", file.stem))]
     numbered.sort(key=lambda entry: (entry[0], entry[1].name))
     if len(numbered) != frame_count:

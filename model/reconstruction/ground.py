@@ -10,6 +10,11 @@ from model.types import Array
 
 TRIALS = 300
 MINIMUM_SHARE = 0.5
+LEVEL = float(np.sin(np.deg2rad(15.0)))
+"""A plane that faces up by more than this, as the picture has it, may be a ground whatever lies on it."""
+NEARBY = 0.6
+"""One that does not, as seen from straight above, or a wall, is a ground where the object comes so near it,
+over the longest side of what is seen of it."""
 """Of the surroundings that must lie on the plane."""
 
 
@@ -77,7 +82,18 @@ def ground_from_depth(
         normal, offset = -normal, -offset
     if normal[1] > 0.5:  # a ceiling, not a ground
         return None
+    seen = back_projected(depth, intrinsics, object_mask & measured)
+    if normal[1] > -LEVEL and not _lies_on(seen, normal, offset):  # a wall behind it, not a ground
+        return None
     return GroundPlane(normal, -offset, share, tolerance)
+
+
+def _lies_on(seen: Float64[Array, "N 3"], normal: Float64[Array, " 3"], offset: float) -> bool:
+    """Whether what is seen of the object comes near the plane: of a ball from above it is the upper half."""
+    if len(seen) == 0:
+        return False
+    height = seen @ normal - offset
+    return float(np.percentile(height, 5)) < NEARBY * float(np.ptp(seen, axis=0).max())
 
 
 def _consensus(

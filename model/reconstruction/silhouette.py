@@ -220,6 +220,8 @@ def _sheet(mask: Bool[Array, "H W"], calibration: Calibration) -> Filling:
     pixels, depth = camera.project(points)
     distance = sample_image(mask_distance(mask), pixels, -10.0) * depth / camera.intrinsics[0, 0]
     points = points[distance > sheet_inset(spacing, pixel_size(mask, calibration))]
+    if not len(points):
+        raise InputError("the mask is too narrow for a sheet: give another --mask, or --shape rope")
     filling = sheet_filling(points, np.tile(normal, (len(points), 1)), spacing, SHEET_THICKNESS)
     share = area * SHEET_THICKNESS / len(filling.means)
     return Filling(

@@ -101,7 +101,8 @@ def _seed(
         if not found.any():
             raise InputError("no object found in the box; draw it a little wider, or give a --mask")
         return asked, found
-    tried = range(0, len(labs), max(1, len(labs) // 10)) if prompt.keyframe is None else [asked]
+    # something has to follow the keyframe
+    tried = range(0, max(1, len(labs) - 1), max(1, len(labs) // 10)) if prompt.keyframe is None else [asked]
     first: tuple[int, Bool[Array, "H W"]] | None = None
     for keyframe in tried:
         found = find_object(labs[keyframe], hands[keyframe], not resting)

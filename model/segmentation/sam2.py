@@ -71,8 +71,8 @@ class Sam2Segmenter(Segmenter):
         Raises:
             InputError: no object can be found to start from, or the prompt does not fit the frames.
         """
-        start = ClassicalSegmenter()(frames, prompt)
         model = self._model()
+        start = ClassicalSegmenter()(frames, prompt)
         session = _session(model, frames)
         key = start.keyframe
         seeds = (prompt.mask if prompt.mask is not None else start.object[key], start.hand[key])
@@ -85,6 +85,8 @@ class Sam2Segmenter(Segmenter):
             else:
                 session.add_mask_inputs(index, key, _resized(seeds[which], model.image_size))
         session.obj_with_new_inputs = list(tracked)
+        # SAM 2 follows what the keyframe shows: a hand that comes later is the classical method's
+        later = start.hand if HAND not in tracked else None
         masks = Masks(np.zeros_like(start.object), np.zeros_like(start.hand), key)
         with torch.inference_mode():
             for index, logits in _propagated(model, session, key):
@@ -93,6 +95,8 @@ class Sam2Segmenter(Segmenter):
                 if len(score) > HAND:
                     masks.object[index] &= score[OBJECT] >= score[HAND]
                     masks.hand[index] = (score[HAND] > 0) & ~masks.object[index]
+                elif later is not None:
+                    masks.hand[index] = later[index] & ~masks.object[index]
         if prompt.mask is not None:
             masks.object[key] = prompt.mask
             masks.hand[key] &= ~prompt.mask
@@ -108,10 +112,16 @@ class Sam2Segmenter(Segmenter):
             raise MissingDependencyError("sam2 needs transformers: pip install 'matphys[weights]'") from None
         logging.disable_progress_bar()
         try:
-            return Sam2VideoModel.from_pretrained(self.folder, local_files_only=True).eval()
-        except (OSError, ValueError, RuntimeError, SafetensorError) as error:
+            model, report = Sam2VideoModel.from_pretrained(
+                self.folder, local_files_only=True, output_loading_info=True
+            )
+        except (OSError, ValueError, RuntimeError, AttributeError, SafetensorError) as error:
             reason = str(error).splitlines()[0]
             raise InputError(f"{self.folder}: not a checkpoint of SAM 2 video: {reason}") from None
+        if report["missing_keys"]:  # transformers would go on with random numbers in their place
+            lacking = min(report["missing_keys"])
+            raise InputError(f"{self.folder}: not a checkpoint of SAM 2 video: it lacks {lacking} and others")
+        return model.eval()
 
 
 class _Pictures:

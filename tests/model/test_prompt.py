@@ -3,6 +3,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from model.errors import InputError
 from model.prompt import read_prompt
@@ -31,6 +32,18 @@ def test_reads_grey_colour_and_transparent_masks(frames, tmp_path, channels):
     expected[10:20, 15:30] = True
     np.testing.assert_array_equal(prompt.mask, expected)
     assert prompt.keyframe == 0
+
+
+def test_a_palette_may_be_transparent(frames, tmp_path):
+    """White on nothing, as drawing programs save it with few colours."""
+    image = Image.new("P", (60, 40), 0)
+    image.putpalette([255, 255, 255, 255, 255, 255])
+    image.paste(1, (15, 10, 30, 20))
+    image.save(tmp_path / "m.png", transparency=0)
+    prompt = read_prompt(frames, mask=tmp_path / "m.png", box=None, keyframe=None)
+    expected = np.zeros((40, 60), bool)
+    expected[10:20, 15:30] = True
+    np.testing.assert_array_equal(prompt.mask, expected)
 
 
 @pytest.mark.parametrize("name", ["mk:colour.png", "mk%d.png", "http:.png"])

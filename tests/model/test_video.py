@@ -113,6 +113,14 @@ def test_a_nominal_rate_of_a_thousand_costs_no_frames(tmp_path):
     assert frames.warnings == ()
 
 
+def test_frames_that_an_avi_shows_for_longer_cost_none(tmp_path):
+    times = [index / 10 for index in range(20)]
+    clip = write_clip(tmp_path / "a.avi", moving(20), rate=200, times=times, codec="mpeg4")
+    frames = read_video(clip, max_frames=30)
+    assert len(frames.images) == 20
+    assert frames.warnings == ()
+
+
 def test_probe_reads_the_header(tmp_path):
     info = probe_video(write_clip(tmp_path / "a.mp4", moving(12), rate=24))
     assert (info.width, info.height, info.frame_count, info.codec) == (64, 48, 12, "h264")

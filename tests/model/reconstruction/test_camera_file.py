@@ -74,6 +74,7 @@ MIRRORED = [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
         ({"intrinsics": {**GOOD, "fy": -3}}, "focal"),
         ({"intrinsics": {"fx": 1, "fy": 1, "cx": 1}}, "intrinsics.cy"),
         ({"intrinsics": [[1, 0], [0, 1]]}, "intrinsics"),
+        ({"intrinsics": {**GOOD, "k1": -0.4}}, "intrinsics.k1"),
         ({"intrinsics": [[400, 0, float("nan")], [0, 400, 0], [0, 0, 1]]}, "intrinsics"),
         ({"intrinsics": [[400, 0, 0], [0, 400, 0], [0, 0, 2]]}, "intrinsics"),
         ({"intrinsics": "wide"}, "intrinsics"),

@@ -175,3 +175,15 @@ def test_the_same_clip_gives_the_same_calibration(teddy):
     first, second = run(teddy), run(teddy)
     assert first.camera.world_from_camera.tobytes() == second.camera.world_from_camera.tobytes()
     assert first.camera_source == second.camera_source
+
+
+def test_surroundings_that_change_are_a_doubt(scene_of):
+    """A camera that moves spoils masks and the hand's path."""
+    clutter = scene_of([((0, 0, 0), (0.06, 0.06, 0.06))], table=False)
+    assert any("if it is the camera, film with one at rest" in line for line in run(clutter).warnings)
+
+
+def test_lengths_of_depth_are_said_to_be_of_depth(teddy, camera_file):
+    file = camera_file(teddy.camera, ground_height=0.0)
+    assert run(teddy, file, depth=teddy.depth, filled=True).scale_source == "depth in millimetres"
+    assert run(teddy, file, depth=teddy.depth).scale_source == "pose and ground of the camera file"

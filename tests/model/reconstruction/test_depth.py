@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from model.errors import InputError
-from model.reconstruction.depth import DepthReconstructor, surface_depth
+from model.reconstruction.depth import DepthReconstructor, body_behind, surface_depth
 from model.reconstruction.outline import overlap, silhouette_of
 
 
@@ -40,6 +40,25 @@ def test_a_ball_on_a_table_comes_back(scene_of, written):
     np.testing.assert_allclose(middle, [0.02, 0.01], atol=0.012)
     assert gaussians.volumes.sum() == pytest.approx(4 / 3 * np.pi * 0.06**3, rel=0.3)
     assert gaussians.warnings == ()
+
+
+@pytest.mark.parametrize("pitch", [30.0, 45.0, 60.0, 80.0])
+@pytest.mark.parametrize("radii", [(0.08, 0.05, 0.04), (0.06, 0.06, 0.06), (0.07, 0.07, 0.025)])
+def test_what_lies_on_the_ground_reaches_it(scene_of, pitch, radii):
+    """Its underside is not seen."""
+    scene = scene_of([((0.0, 0.0, radii[2]), radii)], pitch=pitch)
+    front, _ = surface_depth(scene.depth, scene.mask, scene.mask)
+    body = body_behind(front, scene.mask, scene.calibration())
+    assert body.points[..., 2][body.distance > 0].min() < 0.008
+    assert body.total == pytest.approx(4 / 3 * np.pi * np.prod(radii), rel=0.45)
+
+
+def test_what_is_held_above_the_ground_does_not(scene_of):
+    radii = (0.05, 0.05, 0.05)
+    scene = scene_of([((0.0, 0.0, 0.2), radii)])
+    front, _ = surface_depth(scene.depth, scene.mask, scene.mask)
+    body = body_behind(front, scene.mask, scene.calibration())
+    assert body.points[..., 2][body.distance > 0].min() > 0.12
 
 
 def test_the_measured_front_is_kept(scene_of, written):

@@ -36,6 +36,14 @@ def test_a_ceiling_is_no_ground(scene_of):
     assert ground_from_depth(flipped, scene.camera.intrinsics, scene.mask[::-1], NO_HAND) is None
 
 
+def test_a_wall_behind_the_object_is_no_ground_and_a_table_from_above_is(scene_of):
+    """Both face the camera; only on one of them something lies."""
+    scene = scene_of([((0, 0, 0.04), (0.05, 0.05, 0.04))], pitch=89.0)
+    assert ground_from_depth(scene.depth, scene.camera.intrinsics, scene.mask, NO_HAND) is not None
+    wall = np.where(scene.mask, scene.depth, scene.depth + 0.5)
+    assert ground_from_depth(wall, scene.camera.intrinsics, scene.mask, NO_HAND) is None
+
+
 def test_back_projection_undoes_projection(scene_of):
     scene = scene_of([((0, 0, 0.04), (0.05, 0.05, 0.04))])
     points = back_projected(scene.depth, scene.camera.intrinsics, scene.mask)

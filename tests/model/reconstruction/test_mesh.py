@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -72,6 +74,22 @@ def test_a_mesh_is_found_again_where_it_lay(lying, figure):
     found = placement.apply(face[None])[0]
     assert np.linalg.norm(found[:2] - true_face[:2]) < 0.012
     assert found[2] > 0.07  # the face is up
+
+
+@pytest.mark.parametrize("shift", [(0.0, 1.0, -1.0), (0.0, 2.0, 0.0), (3.0, 4.0, 0.0)])
+def test_wherever_the_worlds_origin_is(lying, shift):
+    """A camera file says: it may be at the camera, behind it or far off."""
+    path, frames, masks, calibration, _ = lying
+    surface, _ = read_mesh(path)
+    here = align(surface, frames.images[0], masks.object[0], calibration)
+    pose = calibration.camera.world_from_camera.copy()
+    pose[:3, 3] += shift
+    moved = replace(
+        calibration, camera=replace(calibration.camera, world_from_camera=pose), ground_height=shift[2]
+    )
+    there = align(surface, frames.images[0], masks.object[0], moved)
+    assert there.scale == pytest.approx(here.scale, rel=1e-3)
+    np.testing.assert_allclose(there.apply(surface.points), here.apply(surface.points) + shift, atol=1e-3)
 
 
 def test_the_body_fills_the_mask_with_the_colours_of_the_mesh(lying, body):

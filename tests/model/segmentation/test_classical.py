@@ -67,6 +67,15 @@ def test_no_hand_is_a_warning(make_scene):
     assert overlap(masks.object[4], objects[4]) > 0.8
 
 
+def test_something_follows_the_keyframe(make_scene):
+    """Nothing is there until the last frame."""
+    frames, _, _ = make_scene(11)
+    empty, _, _ = make_scene(11, hand=False, thing=False)
+    late = dataclasses.replace(frames, images=np.concatenate([empty.images[:10], frames.images[10:]]))
+    with pytest.raises(InputError, match="no object found"):
+        ClassicalSegmenter()(late, Prompt())
+
+
 def test_nothing_to_find_is_refused(make_scene):
     frames, _, _ = make_scene(6, hand=False, thing=False)
     with pytest.raises(InputError, match=r"no object found.*--box.*--mask"):

@@ -1,6 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file, save_file
 
 from model.errors import InputError, MissingDependencyError
 from model.segmentation import Sam2Segmenter
@@ -92,6 +95,25 @@ def test_missing_weights_are_named(tmp_path, monkeypatch):
         Sam2Segmenter()
     with pytest.raises(MissingDependencyError, match=r"config\.json: no such file"):
         Sam2Segmenter(tmp_path)
+
+
+def test_a_hand_that_comes_later_is_found(folder, make_scene):
+    """SAM 2 follows what it is shown on the keyframe."""
+    frames, _, _ = make_scene(8)
+    bare, _, _ = make_scene(8, hand=False)
+    late = replace(frames, images=np.concatenate([bare.images[:4], frames.images[4:]]))
+    masks = Sam2Segmenter(folder)(late, Prompt(keyframe=0))
+    assert not masks.hand[:4].any()
+    assert masks.hand[5:].any((1, 2)).all()
+
+
+def test_weights_that_lack_something_are_refused(folder, make_scene, tmp_path):
+    for file in folder.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    tensors = load_file(tmp_path / "model.safetensors")
+    save_file(dict(sorted(tensors.items())[::2]), tmp_path / "model.safetensors", metadata={"format": "pt"})
+    with pytest.raises(InputError, match="it lacks"):
+        Sam2Segmenter(tmp_path)(make_scene(4)[0], Prompt())
 
 
 def test_a_folder_with_something_else_is_refused(tmp_path, make_scene):
