@@ -71,7 +71,7 @@ class TwinRequest(JobRequest):
     ] = None
     size_m: Annotated[
         float | None,
-        Field(ge=0.001, le=100, description="The longest side of the object [m].", examples=[0.3]),
+        Field(ge=0.01, le=100, description="The longest side of the object [m].", examples=[0.3]),
     ] = None
     shape: Annotated[
         Literal["auto", "sheet", "rope", "solid"], Field(description="What fills the silhouette.")

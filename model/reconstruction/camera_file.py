@@ -26,6 +26,8 @@ from model.types import STANDARD_GRAVITY, Array
 
 KEYS = ("intrinsics", "width", "height", "world_from_camera", "ground_height", "gravity")
 MAXIMUM_BYTES = 1_000_000
+NARROWEST, WIDEST = 1.0, 170.0
+"""What a lens sees of the width [degrees]."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,7 @@ def read_camera_file(path: Path, width: int, height: int) -> CameraFile:
         intrinsics[:2, 2] = (intrinsics[:2, 2] + 0.5) * ratio - 0.5
         intrinsics[0, :2] *= ratio[0]
         intrinsics[1, 1] *= ratio[1]
+    _check_plausible(intrinsics, path, width, height)
     pose = _pose(entries["world_from_camera"], path) if "world_from_camera" in entries else None
     ground = _number(entries["ground_height"], "ground_height", path) if "ground_height" in entries else None
     if ground is not None and pose is None:
@@ -122,6 +125,26 @@ def _intrinsics(entries: dict[str, object], path: Path) -> Float64[Array, "3 3"]
     if not np.allclose(matrix[[1, 2, 2, 2], [0, 0, 1, 2]], [0, 0, 0, 1]):
         raise _wrong(path, "intrinsics", "the form [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", given)
     return matrix
+
+
+def _check_plausible(intrinsics: Float64[Array, "3 3"], path: Path, width: int, height: int) -> None:
+    """Refuse intrinsics of another picture: of a larger one, or of a lens in millimetres.
+
+    Raises:
+        InputError: the principal point is outside of the clip, or hardly anything or everything is in view.
+    """
+    fx, (cx, cy) = float(intrinsics[0, 0]), intrinsics[:2, 2].tolist()
+    if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
+        raise InputError(
+            f"{path}: intrinsics: the principal point ({cx:g}, {cy:g}) is outside of the clip's "
+            f"{width}×{height} pixels: give the width and height that they belong to"
+        )
+    view = float(np.rad2deg(2.0 * np.arctan(0.5 * width / fx)))
+    if not NARROWEST < view < WIDEST:
+        raise InputError(
+            f"{path}: intrinsics: a focal length of {fx:g} px sees {view:.3g}° of the clip's {width} px: "
+            "give it in pixels, with the width and height that it belongs to"
+        )
 
 
 def _pose(given: object, path: Path) -> Float64[Array, "4 4"]:

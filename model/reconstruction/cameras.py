@@ -38,6 +38,8 @@ from model.reconstruction.silhouette import check_seen
 from model.reconstruction.support import Support, background_of, find_support
 from model.types import STANDARD_GRAVITY, Array, Calibration, Camera, Frames, Masks
 
+SMALLEST = 0.01
+"""Longest side of an object [m]: what is smaller is nearer to its camera than renderers draw."""
 DEFAULT_FIELD_OF_VIEW = np.deg2rad(70.0)
 """Of the longer side: between phones (65–70°) and depth cameras (70–90°)."""
 TABLE_PITCH = np.deg2rad(50.0)
@@ -75,8 +77,8 @@ def calibrate(
         InputError: the camera file is wrong, the size is not a positive number, or the keyframe shows
             no object, or hardly any of it.
     """
-    if size_m is not None and not (np.isfinite(size_m) and 1e-3 <= size_m <= 100.0):
-        raise InputError(f"the size of the object must be between 0.001 and 100 m, found {size_m}")
+    if size_m is not None and not (np.isfinite(size_m) and SMALLEST <= size_m <= 100.0):
+        raise InputError(f"the size of the object must be between {SMALLEST} and 100 m, found {size_m}")
     key = masks.keyframe
     if not masks.object[key].any():
         raise InputError(f"{frames.name}: no object on keyframe {frames.number(key)}; give --mask or --box")
