@@ -21,9 +21,9 @@ SCRIPT = Path(__file__).parent / "scripts" / "mujoco_replay.py"
 RADIUS = 1e-3
 """Of the balls that touch the ground [m]; the plane lies as much lower."""
 HARD = "0.001 0.001 0.001"
+"""Impedance at which a contact is a spring and a damper; a harder one lets slip lift things."""
 STUCK = 500.0
 """Drag times a time step, beyond which nothing moves and exponentials leave the numbers."""
-"""Impedance at which a contact is a spring and a damper; a harder one lets slip lift things."""
 
 
 class MujocoExporter(Exporter):

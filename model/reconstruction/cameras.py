@@ -190,7 +190,7 @@ def _from_image(
         angle = np.rad2deg(default)
         doubts = (f"the direction of gravity is a default: camera looks down {angle:.0f}° ({tilt.evidence})",)
     if not support.static:
-        doubts = (*doubts, f"{support.reason.partition(':')[0]}: if it is the camera, film with one at rest")
+        doubts = (*doubts, "the surroundings change: if it is the camera, film with one at rest")
     camera = _camera(intrinsics, _pose_over_ground(tilt.up, 1.0), frames)
     calibration = Calibration(
         camera,

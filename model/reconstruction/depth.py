@@ -162,10 +162,9 @@ def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibrat
     near = camera.unproject(pixels, front[mask])
     far = camera.unproject(pixels, (front + thickness)[mask])
     corners = np.concatenate([near, far])
-    lies = False
+    lies = ground is not None and _lies(near, ground, camera)
     if ground is not None:
         corners[:, 2] = np.maximum(corners[:, 2], ground)
-        lies = _lies(near, ground, camera)
         if lies:
             corners[0, 2] = ground
     pixel = float(np.median(front[mask])) / focal
@@ -177,23 +176,25 @@ def body_behind(front: Float64[Array, "H W"], mask: Bool[Array, "H W"], calibrat
     behind = depth - sample_image(front, seen)
     before = sample_image(front + thickness, seen) - depth
     distance = np.minimum(behind, before)
-    if lies:
-        assert ground is not None
-        distance = np.minimum(_filled_below(distance, points[0, 0, :, 2] - ground), behind)
     if ground is not None:
-        distance = np.minimum(distance, points[..., 2] - ground)
+        height = points[..., 2] - ground
+        if lies:
+            distance = np.minimum(_filled_below(distance, height), behind)
+        distance = np.minimum(distance, height)
     rough = Volume(distance.astype(np.float32), origin, np.eye(3), spacing)
     body = carved(rough, mask, camera)
     smooth = ndimage.gaussian_filter(body.distance, 0.7)
     return Volume(smooth, origin, np.eye(3), spacing)
 
 
-def _filled_below(distance: Float64[Array, "X Y Z"], height: Float64[Array, " Z"]) -> Float64[Array, "X Y Z"]:
+def _filled_below(
+    distance: Float64[Array, "X Y Z"], height: Float64[Array, "X Y Z"]
+) -> Float64[Array, "X Y Z"]:
     """A body and what is below it, down to an underside half as round as the top.
 
     Args:
         distance: To the surface, above 0 inside [m].
-        height: Of the layers over the ground [m].
+        height: Over the ground [m], last along Z.
     """
     top = np.where(distance > 0.0, height, 0.0).max(-1)
     below = height - 0.5 * (top.max() - top)[..., None]

@@ -10,12 +10,12 @@ from model.types import Array
 
 TRIALS = 300
 MINIMUM_SHARE = 0.5
+"""Of the surroundings that must lie on the plane."""
 LEVEL = float(np.sin(np.deg2rad(15.0)))
 """A plane that faces up by more than this, as the picture has it, may be a ground whatever lies on it."""
 NEARBY = 0.6
 """One that does not, as seen from straight above, or a wall, is a ground where the object comes so near it,
 over the longest side of what is seen of it."""
-"""Of the surroundings that must lie on the plane."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,10 @@ def ground_from_depth(
         normal, offset = -normal, -offset
     if normal[1] > 0.5:  # a ceiling, not a ground
         return None
-    seen = back_projected(depth, intrinsics, object_mask & measured)
-    if normal[1] > -LEVEL and not _lies_on(seen, normal, offset):  # a wall behind it, not a ground
-        return None
+    if normal[1] > -LEVEL:  # a wall behind it, or a ground from above
+        seen = back_projected(depth, intrinsics, object_mask & measured)
+        if not _lies_on(seen, normal, offset):
+            return None
     return GroundPlane(normal, -offset, share, tolerance)
 
 

@@ -85,8 +85,6 @@ class Sam2Segmenter(Segmenter):
             else:
                 session.add_mask_inputs(index, key, _resized(seeds[which], model.image_size))
         session.obj_with_new_inputs = list(tracked)
-        # SAM 2 follows what the keyframe shows: a hand that comes later is the classical method's
-        later = start.hand if HAND not in tracked else None
         masks = Masks(np.zeros_like(start.object), np.zeros_like(start.hand), key)
         with torch.inference_mode():
             for index, logits in _propagated(model, session, key):
@@ -95,8 +93,8 @@ class Sam2Segmenter(Segmenter):
                 if len(score) > HAND:
                     masks.object[index] &= score[OBJECT] >= score[HAND]
                     masks.hand[index] = (score[HAND] > 0) & ~masks.object[index]
-                elif later is not None:
-                    masks.hand[index] = later[index] & ~masks.object[index]
+                else:  # SAM 2 follows what the keyframe shows: a hand that comes later is the classical one
+                    masks.hand[index] = start.hand[index] & ~masks.object[index]
         if prompt.mask is not None:
             masks.object[key] = prompt.mask
             masks.hand[key] &= ~prompt.mask
