@@ -6,11 +6,12 @@
     python -m benchmarks.gap.weighing opened out/test out/test_checked --out out/told/test
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
-sealed labels are refused. What the folder holds is not done again. `opened` takes test worlds as they come
-out of `matphys gap-benchmark out/test --out out/test_checked`, which diagnosed them sealed and then opened
-them. `train` fits twelve weights, and says how well they do on worlds that they have not seen: one at a time,
-all of one shape, with one effect, or by one generator; how well those do that ship; and what healthy twins
-leave, which a verdict takes for usual (`HEALTHY` in `model/gap/weighing.py`).
+sealed labels are refused. What the folder holds is not done again, and a world whose effect is too faint to
+learn from (`SEEN`) is not done at all. `opened` takes test worlds as they come out of `matphys gap-benchmark
+out/test --out out/test_checked`, which diagnosed them sealed and then opened them. `train` fits twelve
+weights, and says how well they do on worlds that they have not seen: one at a time, all of one shape, with
+one effect, or by one generator; how well those do that ship; and what healthy twins leave, which a verdict
+takes for usual (`HEALTHY` in `model/gap/weighing.py`).
 """
 
 import argparse
@@ -84,7 +85,7 @@ class Told:
     @property
     def clear(self) -> bool:
         """Nothing is at work, or it can be seen."""
-        return self.magnitude is None or self.magnitude >= SEEN
+        return seen(self.magnitude)
 
     @property
     def kind(self) -> VerdictName | None:
@@ -115,6 +116,11 @@ class Told:
         path = folder / f"{self.world}.json"
         path.write_text(json.dumps({"meaning": MEANING} | asdict(self), indent=1))
         return path.name
+
+
+def seen(magnitude: float | None) -> bool:
+    """Whether a world with an effect of this signal-to-noise teaches anything; None: nothing is at work."""
+    return magnitude is None or magnitude >= SEEN
 
 
 def gathered(label: Label, folder: Path, out: Path) -> str:
@@ -301,7 +307,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"wrote {opened(options.worlds, options.checked, options.out)} worlds to {options.out}")
         return 0
     labels = open_labels_of(options.worlds, parser, "weights are learned from")
-    jobs = [partial(gathered, label, options.worlds, options.out) for label in labels]
+    told = [label for label in labels if seen(label.get("magnitude"))]
+    if len(told) < len(labels):
+        print(f"{len(labels) - len(told)} of {len(labels)} worlds are too faint to learn from", flush=True)
+    jobs = [partial(gathered, label, options.worlds, options.out) for label in told]
     done_by(options.workers, jobs)
     return 0
 

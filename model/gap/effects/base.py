@@ -12,7 +12,7 @@ from torch import Tensor
 
 from model.gap.world import World
 from model.simulator.contacts.base import ContactTerm
-from model.simulator.forces.base import ForceTerm
+from model.simulator.forces.base import ForceTerm, Scalar
 from model.simulator.forces.spring import Spring
 
 Grid: TypeAlias = Mapping[str, tuple[float, ...]]
@@ -116,6 +116,11 @@ def slackness_of(world: World) -> Float[Tensor, "*b E"]:
             slack = world.simulator.force(name)
             return _each(slack.value("share") * slack.value("slackness"), count)
     return torch.zeros(count, dtype=torch.float64)
+
+
+def borne(stretch: Scalar, slackness: Scalar) -> Scalar:
+    """What a spring feels of a stretch or a strain, of which below zero it does not bear a share [1]."""
+    return torch.relu(stretch) + (1.0 - slackness) * torch.clamp(stretch, max=0.0)
 
 
 def mass_of(world: World) -> Float[Tensor, "*b P"]:

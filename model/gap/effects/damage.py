@@ -11,6 +11,7 @@ from model.gap.effects.base import (
     Grid,
     Quantity,
     Values,
+    borne,
     no_springs,
     on_springs,
     slackness_of,
@@ -81,9 +82,7 @@ class DamagedSpring(AxialForce):
         """What the tension loses [N], and the largest strain so far."""
         largest = torch.maximum(largest_strain, length / rest_length - 1.0)
         lost = share * softening * largest / (largest + damage_strain)
-        stretch = length - rest_length
-        borne = torch.relu(stretch) + (1.0 - slackness) * torch.clamp(stretch, max=0.0)
-        return -stiffness * lost * borne, largest
+        return -stiffness * lost * borne(length - rest_length, slackness), largest
 
 
 class Damage(Effect):

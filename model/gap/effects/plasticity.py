@@ -11,6 +11,7 @@ from model.gap.effects.base import (
     Grid,
     Quantity,
     Values,
+    borne,
     no_springs,
     on_springs,
     slackness_of,
@@ -81,15 +82,11 @@ class PlasticSpring(AxialForce):
     ) -> tuple[Scalar, Scalar]:
         """What the tension loses [N], and the plastic strain after `dt`."""
         strain = length / rest_length - 1.0
-        elastic = _felt(strain - plastic_strain, slackness)
+        elastic = borne(strain - plastic_strain, slackness)
         over = torch.relu(elastic - yield_strain) - torch.relu(-elastic - yield_strain)
         flowed = (1.0 - torch.exp(-flow_rate * dt)) * share * over
-        lost = _felt(strain, slackness) - elastic
+        lost = borne(strain, slackness) - elastic
         return -stiffness * rest_length * lost, plastic_strain + flowed
-
-
-def _felt(strain: Scalar, slackness: Scalar) -> Scalar:
-    return torch.relu(strain) + (1.0 - slackness) * torch.clamp(strain, max=0.0)
 
 
 class Plasticity(Effect):

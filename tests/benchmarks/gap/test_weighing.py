@@ -83,6 +83,14 @@ def test_a_faint_effect_is_not_learned_from_and_nothing_missing_is():
     assert not told(0, ("wind",), {}, magnitude=0.5).clear
 
 
+def test_worlds_too_faint_to_learn_from_are_not_diagnosed(tmp_path, capsys):
+    label = {"world": "faint", "effects": [], "accepted": ["wind"], "generator": "mujoco", "magnitude": 0.5}
+    write_labels(tmp_path, [label], sealed=False)
+    assert main(["gather", str(tmp_path), "--out", str(tmp_path / "told")]) == 0
+    assert "1 of 1 worlds are too faint to learn from" in capsys.readouterr().out
+    assert list((tmp_path / "told").iterdir()) == []
+
+
 def test_of_a_hand_that_errs_by_itself_two_answers_are_right(worlds):
     """A recording whose hand lags lacks nothing, and who calls it a delay accuses nobody."""
     weighing = learned(worlds)
