@@ -29,8 +29,16 @@ LOWERED = 3.0
 """What gets lower by so many of its sizes does not hang."""
 LARGE = 3.0
 """Size [m] beyond which hands do not handle an object: a small one, in centimetres?"""
-WEAK = 1.0
+WEAK = 1.5
 """Gravity [m/s²] below which next to nothing pulls an object down."""
+UNIT = 1e-3
+"""Gravity that is 1 m/s² within this is a direction."""
+HAND_FAST = 10.0
+"""Speed [m/s] that no hand has which handles an object."""
+MOVING, AT_FIRST = 0.25, 0.25
+"""Speed [m/s] from which an object does not begin at rest, and the seconds by which it is told."""
+PARABOLA = 5
+"""Frames, at least, by which a speed and how it changes are told."""
 
 
 def object_size(points: Float[Array, "T N 3"]) -> float | None:
@@ -53,6 +61,8 @@ def observation_doubts(observation: Observation) -> tuple[str, ...]:
         *_time_doubts(observation.times),
         *_seen_doubts(seen),
         *_speed_doubts(observation, seen),
+        *_start_doubts(observation),
+        *_hand_doubts(observation),
         *_size_doubts(observation),
         *_grip_doubts(observation),
         *_gravity_doubts(observation),
@@ -101,6 +111,55 @@ def _speed_doubts(observation: Observation, seen: Bool[Array, "T N"]) -> list[st
     return [f"points: a point moves at {speed:.3g} m/s: a lost track?"] if speed > FAST else []
 
 
+def _start_doubts(observation: Observation) -> list[str]:
+    speed = first_speed(observation)
+    if speed <= MOVING:
+        return []
+    return [
+        f"points: the object moves at {speed:.2g} m/s in the first frame, where a twin is at rest: begin the "
+        "recording before it moves"
+    ]
+
+
+def first_speed(observation: Observation) -> float:
+    """How fast the object is in the first frame [m/s]; 0 where that cannot be told from rest.
+
+    The lesser of what a parabola through the first places says and what the first step does: who starts at
+    once is still in the first frame, and noise alone is fast from one frame to the next.
+    """
+    times = observation.times - observation.times[0]
+    frames = int((times <= AT_FIRST).sum())
+    if frames < PARABOLA:
+        return 0.0
+    first = observation.points[:frames].astype(np.float64)
+    tracks = first[:, np.isfinite(first[..., 0]).all(0)]
+    count = tracks.shape[1]
+    if not count:
+        return 0.0
+    powers = np.vander(times[:frames], 3, increasing=True)
+    inverse = np.linalg.pinv(powers)
+    noise = (tracks.reshape(frames, -1) - powers @ inverse @ tracks.reshape(frames, -1)).std()
+    velocity = np.median(np.tensordot(inverse[1], tracks, axes=1), axis=0)
+    unsure = 4.0 * noise * float(np.linalg.norm(inverse[1])) / np.sqrt(count)
+    step = np.median(tracks[1] - tracks[0], axis=0) / times[1]
+    slower = min(float(np.linalg.norm(velocity)), float(np.linalg.norm(step)))
+    return slower if slower > unsure else 0.0
+
+
+def _hand_doubts(observation: Observation) -> list[str]:
+    if not observation.controllers.shape[1]:
+        return []
+    steps = np.linalg.norm(np.diff(observation.controllers.astype(np.float64), axis=0), axis=2).max(1)
+    speeds = steps / np.diff(observation.times)
+    fastest = int(speeds.argmax())
+    if speeds[fastest] <= HAND_FAST:
+        return []
+    return [
+        f"controllers: one moves at {speeds[fastest]:.3g} m/s after frame {fastest}: a lost hand? "
+        "The twin follows it"
+    ]
+
+
 def _size_doubts(observation: Observation) -> list[str]:
     size = object_size(observation.points)
     if size is None or size <= LARGE:
@@ -113,6 +172,8 @@ def _gravity_doubts(observation: Observation) -> list[str]:
     if gravity[2] > 0.0:
         return [f"gravity points up ({gravity[2]:g} m/s² along z): the world is z up"]
     size = float(np.linalg.norm(gravity))
+    if abs(size - 1.0) < UNIT:
+        return [f"gravity: {size:.3g} m/s²: is it a direction alone? On Earth give (0, 0, -9.81)"]
     if size < WEAK:
         return [f"gravity: {size:.3g} m/s² pulls nothing down (9.81 on Earth): an object that hangs needs it"]
     if aslant(observation):

@@ -46,6 +46,9 @@ def check_writable(path: Path) -> None:
             raise InputError(f"cannot write {path}: it is a folder, give the name of a file")
         if path.exists() and not path.is_file():  # /dev/null would be replaced for good
             raise InputError(f"cannot write {path}: it is a device or a pipe, give the name of a file")
+        lost = next((folder for folder in (path, *path.absolute().parents) if _leads_nowhere(folder)), None)
+        if lost is not None:
+            raise InputError(f"cannot write {path}: {lost} is a link that leads nowhere")
         parent = next(folder for folder in path.absolute().parents if folder.exists())
     except OSError as error:
         raise InputError(f"cannot write {path}: {(error.strerror or str(error)).lower()}") from None
@@ -53,6 +56,10 @@ def check_writable(path: Path) -> None:
         raise InputError(f"cannot write {path}: {parent} is not a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"cannot write {path}: no permission to write in {parent}")
+
+
+def _leads_nowhere(path: Path) -> bool:
+    return path.is_symlink() and not path.exists()
 
 
 def _sync(path: Path) -> None:

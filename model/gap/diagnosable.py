@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.first import first_places
+from model.gap.noise import noise_of
 from model.gap.study import HELD_OUT, PATIENCE
 from model.gap.transfer import LOOKED_AT, SETTLING
 from model.observation_doubts import LONG_STEP, SHORT, aslant, hangs, object_size
@@ -28,6 +29,13 @@ OTHER = 2.0
 half of all are, where points were tracked in another order or on another object."""
 REPEATED = 0.5
 """Share of frames of the first recording in another one above which that is a part of the first."""
+SAME, ASKED = 0.3, 64
+"""A frame is the same again where points are nearer than so much of the noise, which two measurements of one
+motion are not; and the points that are asked."""
+STILL = 6.0
+"""What stays so many times the noise from where it usually is does not move."""
+LOST = 0.05
+"""How far [m] a track that is at the origin in some frames alone is from there in the next, to be lost."""
 ALIKE = "give one in which the same points were tracked, in the same order"
 
 
@@ -40,10 +48,12 @@ def check_diagnosable(observation: Observation, name: str) -> None:
 
     Raises:
         InputError: too little to see forces by - frames, points, time between frames -, or to judge by what
-            is foretold, a pause between frames, gravity that points up, a ground above the object, or an
-            object in the air that nothing holds and that does not fall.
+            is foretold, tracks that jump to the origin, a pause between frames, gravity that points up, a
+            ground above the object, an object in the air that nothing holds and that does not fall, or
+            nothing that moves.
     """
     check_enough(observation, name)
+    _check_lost(observation, name)
     _check_pauses(observation, name)
     _check_split(observation, max(3, round((1.0 - HELD_OUT) * len(observation.times))), FITTED, name)
     if observation.gravity[2] > 0.0:
@@ -62,6 +72,7 @@ def check_diagnosable(observation: Observation, name: str) -> None:
             f"{name}: controllers: expected the hand that holds the object, or ground_height where it lies: "
             "found neither near it, and it does not fall; no cause can be told from what is missing here"
         )
+    _check_moves(observation, name)
 
 
 def check_transfer(observation: Observation, transfer: Observation, name: str) -> None:
@@ -93,9 +104,17 @@ def check_transfer(observation: Observation, transfer: Observation, name: str) -
 
 
 def _repeated(observation: Observation, transfer: Observation) -> float:
-    """Share of the frames of another recording that are frames of the first, to the last digit."""
-    known = {frame.tobytes() for frame in _shown(observation)}
-    return float(np.mean([frame.tobytes() in known for frame in _shown(transfer)]))
+    """Share of the frames of another recording that are frames of the first, but for rounding."""
+    count = observation.points.shape[1]
+    asked = np.unique(np.linspace(0, count - 1, min(count, ASKED)).astype(int))
+    known, again = _shown(observation)[:, asked], _shown(transfer)[:, asked]
+    limit = SAME * noise_of(observation)
+    nearest = []
+    for frame in again:
+        away = np.linalg.norm(known - frame, axis=-1)
+        away = away[np.isfinite(away).any(1)]
+        nearest.append(float(np.nanmedian(away, axis=1).min()) if len(away) else np.inf)
+    return float(np.mean(np.array(nearest) <= limit))
 
 
 def _shown(observation: Observation) -> Float32[Array, "F N 3"]:
@@ -154,6 +173,34 @@ def check_enough(observation: Observation, name: str) -> None:
             f"{name}: points: expected {POINTS} or more seen in at least {FRAMES} frames to diagnose, "
             f"found {frames} such frames"
         )
+
+
+def _check_lost(observation: Observation, name: str) -> None:
+    """Trackers write zeros where they see nothing, and those are not places."""
+    advice = {"points": "write NaN where a point is not seen", "controllers": "fill in where the hand was"}
+    for key, places in (("points", observation.points), ("controllers", observation.controllers)):
+        zero = (places == 0.0).all(-1)
+        away = np.nan_to_num(np.linalg.norm(np.diff(places, axis=0), axis=-1))
+        lost = ((zero[1:] != zero[:-1]) & (away > LOST)).any(0)
+        if lost.any():
+            share = float(zero[:, lost].sum() / np.isfinite(places[..., 0]).sum())
+            raise InputError(
+                f"{name}: {key}: expected places, found {int(lost.sum())} that jump to (0, 0, 0) "
+                f"({100.0 * share:.2g} % of all that is seen): {advice[key]}"
+            )
+
+
+def _check_moves(observation: Observation, name: str) -> None:
+    """What it is made of, and what acts on it, shows in how it moves alone."""
+    limit = STILL * noise_of(observation)
+    for places in (observation.points, observation.controllers):
+        tracks = places[:, np.isfinite(places[..., 0]).any(0)].astype(np.float64)
+        if tracks.shape[1] and np.nanmax(np.abs(tracks - np.nanmedian(tracks, axis=0))) > limit:
+            return
+    raise InputError(
+        f"{name}: points: expected an object that moves, found all within {1e3 * limit:.2g} mm, as noise is: "
+        "what it lacks shows in motion alone"
+    )
 
 
 def _check_pauses(observation: Observation, name: str) -> None:

@@ -59,6 +59,8 @@ TAUT = 10.0
 what is stiffer still would only need finer time steps."""
 MODES = {"rope": 1, "sheet": 2, "solid": 2}
 """Along so many of the longest axes of the body stiffness may grow from one end to the other."""
+LEAST_AWAY = 1e-9
+"""Length [m] below which a body has no extent along an axis: of a row of points two have none."""
 HAND = "hand_"
 """How quantities begin that say by how much a hand is elsewhere than it was measured to be."""
 MOST_HANDS = 2
@@ -358,7 +360,7 @@ class PlainTwin:
         exponent = torch.zeros(len(middle), dtype=torch.float64)
         for mode in range(MODES[self.body.shape]):
             if f"gradient_{mode + 1}" in values:
-                along = middle @ axes[mode] / np.abs(ends @ axes[mode]).max()
+                along = middle @ axes[mode] / max(float(np.abs(ends @ axes[mode]).max()), LEAST_AWAY)
                 exponent = exponent + values[f"gradient_{mode + 1}"] * torch.from_numpy(along)
         return torch.exp(exponent)
 

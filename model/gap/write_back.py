@@ -242,7 +242,7 @@ def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tup
     """
     if SlightBending.name not in world.simulator.forces:
         return effects
-    least = BendingStiffness.quantities["bending_stiffness"].bounds[0]
+    least, most = BendingStiffness.quantities["bending_stiffness"].bounds
     slight = max(least, float(world.simulator.force(SlightBending.name).value("bending_stiffness").max()))
     found = [effect for effect in effects if effect.name == BendingStiffness.name]
     if not found:
@@ -251,8 +251,8 @@ def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tup
     if found[0].acts_on is not None:
         return effects
     own = values_of(found[0], BendingStiffness.name)
-    whole = own["bending_stiffness"] + slight
-    memory = (own["bending_stiffness"] * own["memory_of_shape"] + slight) / whole
+    whole = min(own["bending_stiffness"] + slight, most)
+    memory = min((own["bending_stiffness"] * own["memory_of_shape"] + slight) / whole, 1.0)
     record = record_of(BendingStiffness, {"bending_stiffness": whole, "memory_of_shape": memory})
     return tuple(record if effect is found[0] else effect for effect in effects)
 

@@ -237,6 +237,34 @@ def test_doubts_name_what_is_odd():
     assert "is it in centimetres?" in doubts(**large)
 
 
+def test_what_moves_in_the_first_frame_is_doubted():
+    """A twin is at rest there; who is pulled away at once is, too."""
+    times = np.arange(FRAMES) / 30
+    noise = np.random.default_rng(0).normal(0, 2e-3, arrays()["points"].shape)
+    still = arrays()["points"][:1] + noise
+    for away, doubted in (
+        (0.5 * times, True),
+        (3.0 * times**2, False),
+        (np.maximum(0.5 * (times - 0.03), 0.0), False),
+        (0.0 * times, False),
+    ):
+        points = (still + away[:, None, None] * np.array([0.8, 0.6, 0.0])).astype(np.float32)
+        said = doubts(times=times, points=points)
+        assert ("m/s in the first frame" in said) == doubted
+
+
+def test_a_hand_that_jumps_is_doubted():
+    lost = arrays()["controllers"].copy()
+    lost[12] += np.float32(2.0)
+    assert "controllers: one moves at" in doubts(controllers=lost)
+    assert "after frame 11" in doubts(controllers=lost)
+
+
+def test_gravity_that_is_a_direction_is_doubted():
+    assert "is it a direction alone?" in doubts(gravity=[0.0, 0.0, -1.0])
+    assert doubts(gravity=[0.0, 0.0, -1.62]) == "", "on the Moon"
+
+
 def test_warnings_carry_the_name_of_the_file(tmp_path: Path):
     with pytest.warns(UserWarning, match=r"o\.npz: gravity points up"):
         read_observation(save(tmp_path, gravity=[0.0, 0.0, 9.81]))

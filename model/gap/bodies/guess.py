@@ -57,6 +57,8 @@ def guess_shape(places: Float64[Array, "N 3"]) -> Shape:
     away, length = along(places)
     bins = np.clip((SLICES * away / length).astype(int), 0, SLICES - 1)
     slices = [places[bins == b] for b in range(SLICES) if (bins == b).sum() > 2]
+    if not slices:  # a row of points, two at most in each
+        return _of_markers(places)
     spread = [np.linalg.eigvalsh(np.cov(each.T))[-1] ** 0.5 for each in slices]
     if float(np.quantile(spread, NARROW)) < SLENDER * length:
         return "rope"

@@ -60,5 +60,9 @@ def test_what_cannot_be_a_file(tmp_path: Path):
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(InputError, match="a device or a pipe"):
         check_writable(tmp_path / "pipe")
+    (tmp_path / "lost").symlink_to(tmp_path / "gone")
+    for path in (tmp_path / "lost", tmp_path / "lost" / "report.json"):
+        with pytest.raises(InputError, match="lost is a link that leads nowhere"):
+            check_writable(path)
     check_writable(tmp_path / "not" / "yet" / "there")
     assert not (tmp_path / "not").exists()

@@ -41,6 +41,17 @@ def lying(seen: Observation) -> Observation:
     return replace(seen, ground_height=0.5, controllers=seen.controllers[:, :0])
 
 
+def still(places):
+    """Where they were first, measured with 1 mm of noise."""
+    noise = np.random.default_rng(2).normal(0, 1e-3, places.shape)
+    return (places[:1] + noise).astype(np.float32)
+
+
+def rarely(seen: Observation):
+    """Every fourth frame."""
+    return (np.arange(len(seen.times)) % 4 == 3)[:, None, None]
+
+
 def test_what_is_healthy_is_let_through(seen):
     for one in (
         seen,
@@ -95,6 +106,18 @@ def test_what_is_healthy_is_let_through(seen):
             "ground_height: expected a ground under the object, found 2 m",
         ),
         (
+            lambda o: replace(o, points=still(o.points), controllers=still(o.controllers)),
+            "points: expected an object that moves, found all within",
+        ),
+        (
+            lambda o: replace(o, points=np.where(rarely(o), np.float32(0.0), o.points)),
+            "points: expected places, found 30 that jump to (0, 0, 0) (25 % of all that is seen): write NaN",
+        ),
+        (
+            lambda o: replace(o, controllers=np.where(rarely(o), np.float32(0.0), o.controllers)),
+            "controllers: expected places, found 1 that jump to (0, 0, 0)",
+        ),
+        (
             lambda o: replace(o, points=np.repeat(o.points[:1], FRAMES, 0), controllers=o.controllers[:, :0]),
             "controllers: expected the hand that holds the object",
         ),
@@ -114,6 +137,23 @@ def test_what_says_too_little_is_refused_in_one_line(seen, change, line):
     assert "\n" not in str(caught.value)
 
 
+def test_what_moves_a_little_or_begins_at_the_origin_is_let_through(seen):
+    """A hand may be where the world begins; it does not jump there."""
+    origin = replace(
+        seen, points=seen.points - seen.controllers[0], controllers=seen.controllers - seen.controllers[0]
+    )
+    lower = replace(origin, ground_height=-1.5)
+    check_diagnosable(lower, "o.npz")
+    calm = replace(seen, points=still(seen.points), controllers=seen.controllers)
+    check_diagnosable(calm, "o.npz")
+
+
+def test_measured_twice_is_not_the_same_motion(seen):
+    noise = np.random.default_rng(3).normal(0, 2e-3, (2, *seen.points.shape)).astype(np.float32)
+    first, again = (replace(seen, points=seen.points + one) for one in noise)
+    check_transfer(first, again, "other.npz")
+
+
 def test_another_interaction_with_the_object_is_let_through(seen):
     angle = 0.7
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -131,6 +171,8 @@ def test_another_interaction_with_the_object_is_let_through(seen):
     [
         (lambda points: points[:, :-1], "points: expected the 30 of the first recording, found 29"),
         (lambda points: points, "found the same motion again, which confirms nothing"),
+        (lambda points: points[::-1], "found the same motion again"),
+        (lambda points: np.round(points, 5), "found the same motion again"),
         (
             lambda points: points[:, np.random.default_rng(1).permutation(points.shape[1])],
             "most neighbours there are 2 times nearer or farther here",

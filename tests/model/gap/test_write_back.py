@@ -220,6 +220,14 @@ class TestMade:
         assert np.abs(expected - plainly).max() > 1e-4
         np.testing.assert_allclose(made.rollout(substeps=200).points, expected, atol=2e-5)
 
+    def test_bending_found_at_its_bound_stays_within_it(self, hung, found, tmp_path):
+        plain = PlainTwin.of(body_of(hung), hung)
+        values = {"bending_stiffness": 1.0, "memory_of_shape": 1.0}
+        made = twin_of(hung, Diagnosis(found(hung), (record_of(BendingStiffness, values),)), plain)
+        assert made.effects[1].parameters["bending_stiffness"]["value"] == 1.0
+        assert made.effects[1].parameters["memory_of_shape"]["value"] == 1.0
+        made.save(tmp_path / "stiff.twin.zip")
+
     def test_looks_like_what_was_seen(self, hung, found):
         plain = PlainTwin.of(body_of(hung), hung)
         made = twin_of(hung, Diagnosis(found(hung), (DRAG,)), plain)

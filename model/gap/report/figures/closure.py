@@ -1,6 +1,6 @@
 """How far the gap shrinks: bars of baseline, refit, with effect, ceiling and floor, with intervals."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -37,9 +37,11 @@ def draw(findings: Findings) -> Figure:
         panels.append(("Another interaction", report.gap.transfer, findings.transfer_intervals))
     rows = [len(_bars(report, closure)) for _, closure, _ in panels]
     figure = new_figure(0.45 + sum(0.55 + 0.34 * count for count in rows))
+    ends = [end for _, closure, known in panels for end in _ends(_bars(report, closure), known).values()]
+    reach = 1e3 * max(high for _, high in ends)
     each = figure.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=rows)[:, 0]
     for axes, (title, closure, intervals) in zip(each, panels, strict=True):
-        _panel(axes, report, closure, intervals)
+        _panel(axes, report, closure, intervals, reach)
         axes.set_title(title, fontsize=LARGE, color=INK, fontweight="bold", loc="left")
     each[-1].set_xlabel("mean distance of visible points [mm]", fontsize=SMALL, color=INK)
     _make_room(figure, list(each))
@@ -73,13 +75,24 @@ def _bars(report: GapReport, closure: Closure) -> list[tuple[str, str, float, st
     return [(key, name, value, colour) for key, (name, value, colour) in named.items() if value is not None]
 
 
+def _ends(
+    bars: Sequence[tuple[str, str, float, str]], intervals: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float, float]]:
+    """Where the interval of each bar ends [m], by its key."""
+    return {key: intervals.get(key, (value, value)) for key, _, value, _ in bars}
+
+
 def _panel(
-    axes: Axes, report: GapReport, closure: Closure, intervals: Mapping[str, tuple[float, float]]
+    axes: Axes,
+    report: GapReport,
+    closure: Closure,
+    intervals: Mapping[str, tuple[float, float]],
+    reach: float,
 ) -> None:
+    """One set of bars; `reach` [mm] is where the farthest of all sets ends."""
     tidy(axes, grid="x")
     bars = _bars(report, closure)
-    ends = {key: intervals.get(key, (value, value)) for key, _, value, _ in bars}
-    reach = 1e3 * max(high for _, high in ends.values())
+    ends = _ends(bars, intervals)
     for place, (key, _, value, colour) in enumerate(bars):
         low, high = (1e3 * end for end in ends[key])
         axes.barh(place, 1e3 * value, color=colour, height=0.66, zorder=2)

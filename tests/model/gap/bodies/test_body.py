@@ -153,6 +153,13 @@ def test_markers_on_a_bent_rope_are_a_rope_in_their_order(count):
     assert steps.sum() == pytest.approx(longest, rel=1e-6)
 
 
+@pytest.mark.parametrize("count", range(18, 28))
+def test_as_many_markers_as_slices_hold_two_of_are_a_rope(count):
+    """Noise makes no slice hold three of them."""
+    noise = np.random.default_rng(count).normal(0, 1e-4, (count, 3))
+    assert guess_shape(np.linspace([0, 0, 1], [0.5, 0.05, 1], count) + noise) == "rope"
+
+
 def test_markers_side_by_side_on_a_rope_are_no_short_stiff_spring():
     """Random markers: two of 20 may be 2 mm apart, as far as noise makes them."""
     rng = np.random.default_rng(5)
