@@ -27,7 +27,7 @@ def carrying(world: World, records: Sequence[EffectRecord]) -> World:
         InputError: a record is not of the catalogue, or its effect cannot act in this world.
     """
     for i, record in enumerate(records):
-        why = _unable(record, world)
+        why = _second(record, records[:i]) or _unable(record, world)
         if why is not None:
             raise InputError(f"effects.json: {i}: {record.name} cannot act in this twin: {why}")
         world = _with(world, record, i)
@@ -44,6 +44,13 @@ def carrying_able(world: World, records: Sequence[EffectRecord]) -> World:
 def idle(world: World, records: Sequence[EffectRecord]) -> list[EffectName]:
     """The effects that `carrying_able` leaves out."""
     return [record.name for record in records if _unable(record, world) is not None]
+
+
+def _second(record: EffectRecord, before: Sequence[EffectRecord]) -> str | None:
+    """Why it cannot act beside another of its name, which it would replace."""
+    if CATALOGUE[record.name].stacks or all(one.name != record.name for one in before):
+        return None
+    return "it carries one already: give both as one, with `acts_on` of both"
 
 
 def _unable(record: EffectRecord, world: World) -> str | None:

@@ -99,19 +99,26 @@ class StabilityWatch:
 
     @torch.no_grad()
     def _iterate(self, state: State, anchors: Anchors | None, vector: Tensor, most: int) -> float:
-        """The bound from a vector in the symmetric form M^-1/2 (K or C) M^-1/2; keeps where it came to."""
-        slopes, step = self._slopes(state, anchors), math.inf
+        """The bound from a vector in the symmetric form M^-1/2 (K or C) M^-1/2; keeps where it came to.
+
+        A spring much shorter than at rest is more unstable across than it is stiff along: where such a mode
+        is the largest, all are lifted by as much, which leaves the modes and makes it the least.
+        """
+        slopes, step, lift = self._slopes(state, anchors), math.inf, 0.0
         vector = vector / vector.norm()
-        for _ in range(most):
+        for done in range(1, ITERATIONS + 1):
             # accelerations already hold one M^-1
             stiff, damped = (-slope * self._root for slope in slopes(vector / self._root))
             a, b = float((vector * stiff).sum()), float((vector * damped).sum())
+            size = float(stiff.norm() + damped.norm())
+            if size == 0.0 or not math.isfinite(size):
+                return math.inf
+            lift = max(lift, float(stiff.norm()) if a < 0.0 else 0.0)
             previous, step = step, _root(a, b)
-            if math.isinf(step):
-                return step
-            turned = step**2 * stiff + 2 * step * damped
+            by = step if math.isfinite(step) else 1.0 / size
+            turned = by**2 * (stiff + lift * vector) + 2 * by * damped
             vector = turned / turned.norm()
-            if abs(previous - step) < TOLERANCE * step:
+            if math.isfinite(step) and (done >= most or abs(previous - step) < TOLERANCE * step):
                 break
         self._vector = vector
         return step

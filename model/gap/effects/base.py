@@ -21,6 +21,8 @@ Values: TypeAlias = Mapping[str, Tensor]
 Field: TypeAlias = Float[Tensor, " P"]
 """How strongly an effect acts on each mass point, 0..1."""
 Acts: TypeAlias = Literal["body", "surroundings", "grip", "hand", "ground"]
+SLACK = ("wrinkling", "tension_only")
+"""Laws by which springs go slack."""
 
 
 @dataclass(frozen=True)
@@ -111,11 +113,21 @@ def spring_stiffness(world: World) -> Float[Tensor, "*b E"]:
 def slackness_of(world: World) -> Float[Tensor, "*b E"]:
     """Share of its compression that each spring does not bear [1]: 0, but for cloth, which wrinkles."""
     count = len(world.system.springs)
-    for name in ("wrinkling", "tension_only"):
+    for name in SLACK:
         if name in world.simulator.forces:
             slack = world.simulator.force(name)
             return _each(slack.value("share") * slack.value("slackness"), count)
     return torch.zeros(count, dtype=torch.float64)
+
+
+def with_slackness(world: World) -> World:
+    """The world whose laws all know how slack its springs go, whichever was there first."""
+    slackness = slackness_of(world)
+    for name in world.simulator.forces:
+        force = world.simulator.force(name)
+        if "slackness" in force.constants and name not in SLACK:
+            world = world.with_force(force.with_values(slackness=slackness))
+    return world
 
 
 def borne(stretch: Scalar, slackness: Scalar) -> Scalar:

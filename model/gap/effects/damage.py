@@ -105,7 +105,9 @@ class Damage(Effect):
     }
 
     def unable(self, world: World) -> str | None:
-        """Why it cannot act."""
+        """Why it cannot act: yield leaves another free length, of which this law would know nothing."""
+        if "plasticity" in world.simulator.forces:
+            return "its springs yield, and are no longer free at their first length"
         return no_springs(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:

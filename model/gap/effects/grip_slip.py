@@ -72,7 +72,9 @@ class GripSlip(Effect):
     }
 
     def unable(self, world: World) -> str | None:
-        """Why it cannot act."""
+        """Why it cannot act: what a grip holds is told in weights."""
+        if float(world.gravity.norm()) == 0.0:
+            return "nothing weighs it down, and a grip is told in weights"
         return no_grip(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:

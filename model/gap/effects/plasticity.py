@@ -109,7 +109,9 @@ class Plasticity(Effect):
     }
 
     def unable(self, world: World) -> str | None:
-        """Why it cannot act."""
+        """Why it cannot act: what damage takes is told from the first length, and yield would never end."""
+        if "damage" in world.simulator.forces:
+            return "its springs are damaged, as told from their first length"
         return no_springs(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:

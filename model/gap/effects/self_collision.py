@@ -31,10 +31,14 @@ class SelfContact(Effect):
         return False
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
-        """Let points collide; the distance is a choice, and has no gradient."""
+        """Let points collide; the distance is a choice, and has no gradient.
+
+        They bounce as they did where they collided before, and else not at all.
+        """
         distance = values["distance"].detach() * world.spacing
         if not bool((distance > 0).any()):
             return world
-        return world.with_contact(
-            SelfCollision(world.system, distance, torch.tensor(0.0), values["friction"])
-        )
+        restitution = torch.tensor(0.0)
+        if self.name in world.simulator.contacts:
+            restitution = world.simulator.contact(self.name).value("restitution")
+        return world.with_contact(SelfCollision(world.system, distance, restitution, values["friction"]))

@@ -14,6 +14,7 @@ from model.gap.effects.base import (
     no_springs,
     on_springs,
     spring_stiffness,
+    with_slackness,
 )
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
@@ -83,7 +84,6 @@ class TensionOnly(Effect):
         return no_springs(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
-        """Take compression away."""
-        return world.with_force(
-            SlackSpring(spring_stiffness(world), on_springs(world, where), values["slackness"])
-        )
+        """Take compression away, of what damage and yield leave as well."""
+        slack = SlackSpring(spring_stiffness(world), on_springs(world, where), values["slackness"])
+        return with_slackness(world.with_force(slack))

@@ -14,13 +14,17 @@ from model.simulator.parameters import Constant, TensorLike
 
 STRAIGHT = 1e-12
 """Square of the turn below which a row of points is straight."""
+FOLDED = 1e-4
+"""How near to folded back a row is, as a square, where its curvature grows no further: at 172°, to 28. What
+has a thickness is not folded to a point."""
 
 
 class Bending(StencilForce):
     r"""An elastic rod through three points in a row, the middle one second.
 
     $E = B\,(\kappa - \kappa_0)^2 / s$, with $\kappa = 2\tan(\theta/2)$ of the angle $\theta$ by which the row
-    turns at its middle, and s the length of its two pieces together at rest.
+    turns at its middle, up to where it is nearly folded back (`FOLDED`), and s the length of its two pieces
+    together at rest.
 
     Args:
         stencils: Points, shape [stencil_count, 3].
@@ -59,6 +63,8 @@ class Bending(StencilForce):
         """Energy [J]."""
         before, after = minus(positions[1], positions[0]), minus(positions[2], positions[1])
         turned = cross(before, after)
-        along = torch.sqrt(dot(before, before) * dot(after, after)) + dot(before, after)
-        turn = torch.sqrt(4.0 * dot(turned, turned) / (along * along) + STRAIGHT)
+        whole = dot(before, before) * dot(after, after)
+        along = torch.sqrt(whole) + dot(before, after)
+        square = 4.0 * dot(turned, turned) / torch.maximum(along * along, FOLDED * whole)
+        turn = torch.sqrt(square + STRAIGHT)
         return bending_stiffness * (turn - rest_turn) ** 2 / span

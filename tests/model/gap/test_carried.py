@@ -7,7 +7,14 @@ import torch
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.gap.carried import carrying, record_of, values_of
-from model.gap.effects import ALL_EFFECTS, ActuationDelay
+from model.gap.effects import (
+    ALL_EFFECTS,
+    ActuationDelay,
+    Damage,
+    Plasticity,
+    StrainStiffening,
+    TensionOnly,
+)
 from model.schema import EffectRecord
 
 
@@ -80,6 +87,32 @@ def test_parameters_that_no_effect_has_are_refused(parameters, line):
 def test_absence_is_no_breach_of_bounds():
     record = EffectRecord(name="wind", parameters={"drag_per_mass": 0.0, "x": 8.000001, "y": 0})
     assert values_of(record, "here")["drag_per_mass"] == 0.0
+
+
+@pytest.mark.parametrize("other", [Damage, Plasticity])
+def test_whose_springs_go_slack_first_makes_no_difference(other, block):
+    slack, worn = record_of(TensionOnly, {"slackness": 0.8}), record_of(other, starts(other))
+    with torch.no_grad():
+        first, last = (
+            carrying(block, records).rollout(last=8, substeps=200).points
+            for records in ([slack, worn], [worn, slack])
+        )
+    torch.testing.assert_close(first, last, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("order", [(Damage, Plasticity), (Plasticity, Damage)])
+def test_damage_of_what_yields_is_refused(order, block):
+    """Damage told from the first length would pull at a longer one for ever, and more the longer it is."""
+    records = [record_of(kind, starts(kind)) for kind in order]
+    with pytest.raises(InputError, match=f"1: {order[1].name} cannot act in this twin: its springs"):
+        carrying(block, records)
+
+
+def test_a_second_effect_of_a_name_is_refused(block):
+    half = (torch.arange(len(block.system.points)) % 2).double()
+    records = [record_of(StrainStiffening, {"stiffening": 50.0}, where=where) for where in (half, 1.0 - half)]
+    with pytest.raises(InputError, match=r"1: strain_stiffening cannot act .* it carries one already"):
+        carrying(block, records)
 
 
 def test_what_cannot_act_is_refused(loose):

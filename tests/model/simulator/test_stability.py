@@ -44,6 +44,21 @@ def test_agrees_with_dense_eigenvalues(system, state, anchors, damper, damping):
     assert found == pytest.approx(exact_step(system, forces, state, anchors), rel=0.02)
 
 
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.3, 0.1, 0.05, 0.01])
+def test_a_spring_that_is_pressed_together_hides_no_stiff_one(share):
+    """Across its axis it pushes away, by k (L/d - 1), which is far more than another is stiff."""
+    places = torch.tensor([[0, 0, 0], [0.1, 0, 0], [0, 1, 0], [0.1 * share, 1, 0]], dtype=torch.float64)
+    system = System(
+        points=places,
+        mass=torch.full((4,), 0.01, dtype=torch.float64),
+        springs=torch.tensor([[0, 1], [2, 3]]),
+        rest_length=torch.full((2,), 0.1, dtype=torch.float64),
+    )
+    dynamics = Dynamics(system, [Spring(torch.tensor([5000.0, 1000.0], dtype=torch.float64))], [])
+    found = stable_step(dynamics, State(places, torch.zeros_like(places)), None)
+    assert found == pytest.approx(2.0 / math.sqrt(2 * 5000.0 / 0.01), rel=1e-3)
+
+
 def test_nothing_stiff_has_no_bound(system, state, anchors):
     assert stable_step(Dynamics(system, [Gravity()], []), state, anchors) == math.inf
     assert substeps_for(1 / 30, math.inf, MARGIN) == math.ceil(1 / 30 / LONGEST)

@@ -13,11 +13,14 @@ from model.gap.effects import (
     GravityTilt,
     GripSlip,
     MassHeterogeneity,
+    SelfContact,
     StrainStiffening,
 )
 from model.gap.effects.base import Effect
 from model.schema import EffectName
 from model.simulator.build import build_simulator
+from model.simulator.contacts.self_collision import SelfCollision
+from model.simulator.forces.gravity import Gravity
 
 every_effect = pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.name)
 BODY_ONLY = {"strain_stiffening", "viscoelasticity", "plasticity", "damage", "tension_only", "anisotropy"}
@@ -199,6 +202,19 @@ def test_says_where_it_cannot_act(kind, loose):
     reason = kind().unable(loose)
     free_anywhere = {"quadratic_air_drag", "wind", "mass_heterogeneity", "self_collision"}
     assert (reason is None) == (kind.name in free_anywhere)
+
+
+def test_what_a_grip_holds_is_told_in_weights(block):
+    afloat = block.with_force(Gravity((0.0, 0.0, 0.0)))
+    assert "nothing weighs it down" in (GripSlip().unable(afloat) or "")
+
+
+def test_what_bounced_off_itself_still_does(block):
+    bouncy = block.with_contact(SelfCollision(block.system, 0.02, 0.7, 0.3))
+    values = {name: torch.tensor(quantity.start) for name, quantity in SelfContact.quantities.items()}
+    for world, restitution in ((bouncy, 0.7), (block, 0.0)):
+        contact = SelfContact().apply(world, values).simulator.contact("self_collision")
+        assert float(contact.value("restitution")) == pytest.approx(restitution)
 
 
 def test_fibres_mean_nothing_in_a_chain(block):

@@ -44,6 +44,13 @@ def test_a_row_that_turns_stores_the_energy_of_its_turn(free_points, energy_of, 
     assert energy_of(Bending(row, 3.0, 0.4, curved), system, state) == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-7, 1e-4])
+def test_a_row_that_is_folded_back_pushes_with_a_finite_force(apart, free_points, force_of):
+    system, state = free_points([[0, 0, 0], [0.02, 0, 0], [0, apart, 0]])
+    force = force_of(Bending(torch.tensor([[0, 1, 2]]), 1e-6, 0.04), system, state)
+    assert torch.isfinite(force).all()
+
+
 def test_a_straight_row_is_left_alone(free_points, force_of):
     system, state = free_points([[-0.1, 0, 0], [0, 0, 0], [0.3, 0, 0]])
     assert force_of(Bending(torch.tensor([[0, 1, 2]]), 3.0, 0.4), system, state).abs().max() < 1e-12
