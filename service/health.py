@@ -10,7 +10,7 @@ from redis import Redis
 from redis.exceptions import RedisError
 
 from service.uploads import Intake
-from worker.queues import Queues
+from worker.queues import ALL_QUEUES, Queues
 from worker.storage import Storage
 
 CHECK_SECONDS = 5.0
@@ -42,7 +42,7 @@ class Readiness:
             "redis": lambda: "ok" if self._redis.set("matphys:ready", "1", ex=60) else "cannot be written",
             "store": lambda: "ok" if self._storage.writable() else "cannot be written",
             "disk": self._disk,
-            "workers": lambda: "ok" if self._queues.workers() else "none alive",
+            "workers": self._workers,
         }
         pool = ThreadPoolExecutor(len(checks))
         try:
@@ -59,6 +59,13 @@ class Readiness:
             return found
         finally:
             pool.shutdown(wait=False)
+
+    def _workers(self) -> str:
+        workers = self._queues.workers()
+        if not workers:
+            return "none alive"
+        idle = [name for name in ALL_QUEUES if all(name not in worker.queues for worker in workers)]
+        return f"none alive for {', '.join(idle)}" if idle else "ok"
 
     def _disk(self) -> str:
         room = [self._intake.free_bytes()]

@@ -20,7 +20,7 @@ from service.resources import Resource
 from service.settings import MEBIBYTE
 from service.uploads import listen_on
 from worker.record import JobRecord, files_prefix, new_id
-from worker.records import KeyReused, QueueFull, TenantBusy
+from worker.records import KeyReused, ParentGone, QueueFull, TenantBusy
 
 FULL_SECONDS: Final = 30
 """What a client is told to wait when the queue is full."""
@@ -171,6 +171,8 @@ class Submission:
         except TenantBusy:
             detail = f"at most {limits.max_jobs_per_tenant} of your jobs may wait or run"
             raise ProblemError("queue-full", detail, retry_after=FULL_SECONDS) from None
+        except ParentGone:
+            raise ProblemError("not-found", "what it is to work on was deleted meanwhile") from None
 
     def _check_first(self, front: Front) -> None:
         """What can be refused before a byte of the body is read."""

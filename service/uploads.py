@@ -6,6 +6,7 @@ import fcntl
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, field
@@ -31,6 +32,12 @@ FORM_OVERHEAD = MEBIBYTE
 LINGER_BYTES = 16 * MEBIBYTE
 LINGER_SECONDS = 2.0
 """How much of a body that is refused is still listened to."""
+
+
+DRIP_SECONDS, DRIP_BYTES = 60.0, 1024
+"""A body that has come for so long [s] comes at no fewer bytes a second: each holds descriptors meanwhile."""
+CHECKED_BYTES = 8 * MEBIBYTE
+"""After so many the room on the disk is looked at again."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +150,8 @@ class Intake:
 
     async def _chunks(self, request: Request) -> AsyncIterator[bytes]:
         """The body, as long as it keeps coming and is not too long."""
-        total, stream = 0, request.stream().__aiter__()
+        total, checked, stream = 0, 0, request.stream().__aiter__()
+        began = time.monotonic()
         while True:
             try:
                 async with asyncio.timeout(self.idle_seconds):
@@ -159,6 +167,16 @@ class Intake:
             total += len(chunk)
             if total > self.max_bytes + FORM_OVERHEAD:
                 raise _too_large("the request", self.max_bytes)
+            spent = time.monotonic() - began
+            if spent > DRIP_SECONDS and total < DRIP_BYTES * spent:
+                raise ProblemError(
+                    "upload-stalled",
+                    f"{total} bytes came in {spent:.0f} s: at least {DRIP_BYTES} a second are waited for",
+                    headers={"Connection": "close"},
+                )
+            if total - checked >= CHECKED_BYTES:  # who does not say how much comes may bring more than fits
+                await run_in_threadpool(self._check_room, 0)
+                checked = total
             yield chunk
 
 

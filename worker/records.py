@@ -43,6 +43,10 @@ class TenantBusy(Refused):
     """The tenant has as many jobs under way as it may."""
 
 
+class ParentGone(Refused):
+    """The job that it is to work on was deleted."""
+
+
 class Fenced(Exception):
     """This attempt no longer holds the job: it was canceled, deleted, or given to another run."""
 
@@ -82,6 +86,7 @@ class Records:
         Raises:
             KeyReused: the idempotency key belongs to other content.
             QueueFull, TenantBusy: try later.
+            ParentGone: what it is to work on was deleted meanwhile.
         """
         key = hashlib.sha256(idempotency_key.encode()).hexdigest() if idempotency_key else ""
         happened, job_id = self._run.settled(
@@ -104,6 +109,8 @@ class Records:
                 raise QueueFull(record.queue)
             case "busy":
                 raise TenantBusy(record.tenant)
+            case "orphan":
+                raise ParentGone(record.parent or "")
         return self.get(job_id) or record, happened == "created"
 
     def get(self, job_id: str) -> JobRecord | None:

@@ -32,6 +32,9 @@ IdempotencyKey = Annotated[
         examples=["clip-0042"],
     ),
 ]
+OnlyStatus = Annotated[JobStatus | None, Query(description="Only those.")]
+Cursor = Annotated[str | None, Query(pattern=CURSOR_PATTERN, description="`next_cursor` of the page before.")]
+PageSize = Annotated[int, Query(ge=1, le=100)]
 LOOK_AGAIN_SECONDS = 2
 """After which it is worth asking how a new job does."""
 
@@ -85,10 +88,25 @@ def _add_submitting_to_parent(router: APIRouter, resource: Resource, parent: Res
         return await run_in_threadpool(_accepted, request, response, front, resource, accepted)
 
     @router.get(path, summary=f"List those of one {parent.noun}, newest first", responses=problems(404))
-    def list_children(job_id: JobId, front: FrontNow, key: Reader) -> JobPage:
-        children = front.records.children(parent.find(front, key, job_id).id)
-        found = [record for record in children if record.kind == resource.kind.name]
-        return resource.page(front, sorted(found, key=lambda record: record.id, reverse=True), None)
+    def list_children(
+        job_id: JobId,
+        front: FrontNow,
+        key: Reader,
+        status: OnlyStatus = None,
+        cursor: Cursor = None,
+        limit: PageSize = 20,
+    ) -> JobPage:
+        after = None if cursor is None else decode_cursor(cursor)
+        found = [
+            record
+            for record in front.records.children(parent.find(front, key, job_id).id)
+            if record.kind == resource.kind.name
+            and (status is None or record.status == status)
+            and (after is None or record.id < after)
+        ]
+        newest = sorted(found, key=lambda record: record.id, reverse=True)
+        page = newest[:limit]
+        return resource.page(front, page, page[-1].id if len(newest) > limit else None)
 
 
 def _submitting(resource: Resource, *statuses: int) -> dict[str, Any]:
@@ -115,11 +133,9 @@ def _add_reading(router: APIRouter, resource: Resource) -> None:
     def list_jobs(
         front: FrontNow,
         key: Reader,
-        status: Annotated[JobStatus | None, Query(description="Only those.")] = None,
-        cursor: Annotated[
-            str | None, Query(pattern=CURSOR_PATTERN, description="`next_cursor` of the page before.")
-        ] = None,
-        limit: Annotated[int, Query(ge=1, le=100)] = 20,
+        status: OnlyStatus = None,
+        cursor: Cursor = None,
+        limit: PageSize = 20,
     ) -> JobPage:
         after = None if cursor is None else decode_cursor(cursor)
         found, last = front.records.list(

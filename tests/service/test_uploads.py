@@ -152,6 +152,25 @@ def test_no_room_is_said_before_a_byte_is_read(intake):
     assert request.chunks == [b"abc"]
 
 
+def test_room_is_looked_at_again_while_a_body_comes(intake, monkeypatch):
+    """Chunked, it does not say how large it is."""
+    monkeypatch.setattr("service.uploads.CHECKED_BYTES", 3)
+    room = [10, 10, -1]
+    monkeypatch.setattr(type(intake), "free_bytes", lambda self: room.pop(0))
+    request = FakeRequest(b"abc", b"def", b"ghi")
+    with pytest.raises(ProblemError, match="try again later"):
+        receive(intake, request)
+    assert request.chunks == [b"ghi"]
+
+
+def test_a_body_that_drips_is_given_up(intake, monkeypatch):
+    monkeypatch.setattr("service.uploads.DRIP_SECONDS", 0.0)
+    monkeypatch.setattr("service.uploads.DRIP_BYTES", 10**9)
+    with pytest.raises(ProblemError, match="1 bytes came in 0 s: at least") as refused:
+        receive(intake, FakeRequest(b"a", b"b", b"c"))
+    assert refused.value.name == "upload-stalled"
+
+
 def test_each_file_has_its_own_limit(intake):
     form = (
         b'--b\r\nContent-Disposition: form-data; name="video"\r\n\r\nabc\r\n'

@@ -4,7 +4,7 @@ import pytest
 
 from worker import records as module
 from worker.record import JobError, JobFile
-from worker.records import Fenced, KeyReused, QueueFull, TenantBusy
+from worker.records import Fenced, KeyReused, ParentGone, QueueFull, TenantBusy
 
 ERROR = JobError(type="crash", title="t", detail="d")
 FILE = JobFile(name="a", bytes=1, sha256="0" * 64, key="jobs/x/1/a")
@@ -277,6 +277,30 @@ def test_a_job_is_kept_as_long_as_what_is_made_of_it(records, client, errand, ev
     assert records.get(parent.id).expires_at >= records.get(child.id).expires_at
     assert records.expire() == 0
     assert records.get(child.id).status == "succeeded"
+
+
+def test_who_is_given_a_known_job_is_promised_it_for_as_long(records, client, errand):
+    """It was accepted again: it does not go a moment later."""
+    parent = errand(keep_s=1.0)
+    records.create(parent)
+    records.succeed(parent.id, begin(records, parent), [FILE], {})
+    child = errand(parent=parent.id, keep_s=60.0, digest="content")
+    records.create(child, "key")
+    records.succeed(child.id, begin(records, child), [FILE], {})
+    for again, key in ((errand(parent=parent.id, keep_s=600.0, digest="content"), ""), (child, "key")):
+        known, new = records.create(again.model_copy(update={"id": errand().id, "keep_s": 600.0}), key)
+        assert (known.id, new) == (child.id, False)
+        assert (known.expires_at - known.completed_at).total_seconds() > 590
+    assert records.get(parent.id).expires_at > records.get(parent.id).completed_at
+
+
+def test_no_job_is_made_of_what_was_deleted_meanwhile(records, client, errand):
+    parent = errand()
+    records.create(parent)
+    records.delete(parent.id)
+    with pytest.raises(ParentGone):
+        records.create(errand(parent=parent.id))
+    assert records.depth("twins") == 0
 
 
 @pytest.mark.parametrize("begun", [False, True])

@@ -2,6 +2,12 @@
 -- tenant, then field, value, ... of the record. → {what happened, id}
 local id, tenant, kind, queue, digest, key = ARGV[1], ARGV[2], ARGV[3], ARGV[4], ARGV[5], ARGV[6]
 if redis.call('EXISTS', job(id)) == 1 then return {'created', id} end  -- the answer to the first call was lost
+-- Who is given a known job is promised it as one who is given a new one.
+local function kept(known)
+  keep(known, tonumber(ARGV[7]))
+  keep_parent(known)
+  return {'known', known}
+end
 local key_key = P .. 'idempotency:' .. tenant .. ':' .. key
 if key ~= '' then
   local seen = redis.call('GET', key_key)
@@ -10,7 +16,7 @@ if key ~= '' then
     if redis.call('EXISTS', job(seen_id)) == 1 then
       -- The request, without the software after the dash: a key holds across an upgrade, content is made anew.
       if string.match(seen_digest, '^[^-]*') ~= string.match(digest, '^[^-]*') then return {'conflict', seen_id} end
-      return {'known', seen_id}
+      return kept(seen_id)
     end
   end
 end
@@ -22,9 +28,13 @@ if digest ~= '' then
   local known = redis.call('GET', digest_key)
   if known and redis.call('EXISTS', job(known)) == 1 then
     remember(known)
-    return {'known', known}
+    return kept(known)
   end
 end
+local parent = ''
+for i = 10, #ARGV, 2 do if ARGV[i] == 'parent' then parent = ARGV[i + 1] end end
+-- It was there when the body began to come, and may have been deleted since.
+if parent ~= '' and redis.call('EXISTS', job(parent)) == 0 then return {'orphan', ''} end
 if redis.call('ZCARD', P .. 'queued:' .. queue) >= tonumber(ARGV[8]) then return {'full', ''} end
 if redis.call('SCARD', P .. 'active:' .. tenant .. ':' .. kind) >= tonumber(ARGV[9]) then return {'busy', ''} end
 local fields = {}
@@ -34,8 +44,7 @@ redis.call('HSET', job(id), unpack(fields))
 redis.call('HSET', job(id), 'status', 'queued', 'stage', '', 'progress', '0', 'attempt', '0', 'crashes', '0',
   'created_at', text(at))
 add(id, queue, tenant, kind, at)
-local parent = get(id, 'parent')
-if parent and parent ~= '' then redis.call('SADD', P .. 'children:' .. parent, id) end
+if parent ~= '' then redis.call('SADD', P .. 'children:' .. parent, id) end
 keep_parent(id)
 redis.call('ZREM', P .. 'garbage', files_of(id))
 if digest ~= '' then redis.call('SET', digest_key, id) end

@@ -89,17 +89,22 @@ local function announce(id)
   add(hook, 'webhooks', tenant, 'webhook', at)
 end
 
+-- A job that has ended is kept for so long from now on, if it is not kept for longer.
+local function keep(id, seconds)
+  local ends = now() + seconds
+  local held = redis.call('ZSCORE', P .. 'expiry', id)
+  if held and tonumber(held) < ends then
+    redis.call('ZADD', P .. 'expiry', text(ends), id)
+    redis.call('HSET', job(id), 'expires_at', text(ends))
+  end
+end
+
 -- A job that was made from another one keeps that one for as long as it is kept itself; while it waits or runs,
 -- `expire` spares both. Webhooks are told of their job, and need nothing of it.
 local function keep_parent(id)
   local parent = get(id, 'parent')
   if not parent or parent == '' or get(id, 'kind') == 'webhook' then return end
-  local ends = now() + tonumber(get(id, 'keep_s'))
-  local held = redis.call('ZSCORE', P .. 'expiry', parent)
-  if held and tonumber(held) < ends then
-    redis.call('ZADD', P .. 'expiry', text(ends), parent)
-    redis.call('HSET', job(parent), 'expires_at', text(ends))
-  end
+  keep(parent, tonumber(get(id, 'keep_s')))
 end
 
 -- Final states never change: every caller checks that the job is not in one yet.

@@ -5,11 +5,13 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 import httpx
 import pytest
 
+from worker.queues import ALL_QUEUES, WorkerState
 from worker.records import Fenced
 
 HERE = Path(__file__).parent
@@ -20,7 +22,10 @@ EXAMPLES = os.environ.get("MATPHYS_FUZZ_EXAMPLES", "8")
 @pytest.fixture
 def busy(patient, tmp_path, monkeypatch) -> Iterator:
     """A front whose jobs end, as if workers did them."""
-    monkeypatch.setattr("worker.queues.Queues.workers", lambda self: ["one"])
+    monkeypatch.setattr(
+        "worker.queues.Queues.workers",
+        lambda self: [WorkerState("one", "idle", datetime.now(UTC), ALL_QUEUES)],
+    )
     stopped = threading.Event()
 
     def work() -> None:

@@ -63,6 +63,21 @@ def test_the_same_request_gives_the_same_job(http, twin, observation):
     assert first == second
 
 
+def test_those_of_a_twin_come_in_pages_and_by_status(http, twin, observation, clip):
+    path = f"/twins/{twin}/diagnoses"
+    asked = [
+        http.post(path, content=observation),
+        http.post(path, content=clip, headers={"Content-Type": "video/mp4"}),
+    ]
+    ids = sorted((one.json()["id"] for one in asked), reverse=True)
+    first = http.get(path, params={"limit": 1}).json()
+    second = http.get(path, params={"limit": 1, "cursor": first["next_cursor"]}).json()
+    assert [page["items"][0]["id"] for page in (first, second)] == ids
+    assert second["next_cursor"] is None
+    assert http.get(path, params={"status": "succeeded"}).json()["items"] == []
+    assert len(http.get(path, params={"status": "queued"}).json()["items"]) == 2
+
+
 def test_neither_is_refused(http, twin, observation):
     answer = http.post(f"/twins/{twin}/diagnoses", files={"transfer": observation})
     assert answer.status_code == 422

@@ -1,4 +1,7 @@
 import re
+from datetime import UTC, datetime
+
+from worker.queues import ALL_QUEUES, WorkerState
 
 
 def test_alive_without_a_key(serving):
@@ -14,13 +17,26 @@ def test_not_ready_without_workers(http):
     assert answer.json()["checks"] == {"redis": "ok", "store": "ok", "disk": "ok", "workers": "none alive"}
 
 
+def working(*queues: str) -> WorkerState:
+    return WorkerState("one", "idle", datetime.now(UTC), queues)
+
+
 def test_ready_with_a_worker(serving, http, monkeypatch):
-    monkeypatch.setattr("worker.queues.Queues.workers", lambda self: ["one"])
+    monkeypatch.setattr("worker.queues.Queues.workers", lambda self: [working(*ALL_QUEUES)])
     assert http.get("/readyz").json()["status"] == "ok"
 
 
+def test_not_ready_where_nobody_makes_twins(serving, http, monkeypatch):
+    monkeypatch.setattr(
+        "worker.queues.Queues.workers", lambda self: [working("webhooks"), working("exports")]
+    )
+    answer = http.get("/readyz")
+    assert answer.status_code == 503
+    assert answer.json()["checks"]["workers"] == "none alive for twins"
+
+
 def test_not_ready_on_a_full_disk(serve, monkeypatch):
-    monkeypatch.setattr("worker.queues.Queues.workers", lambda self: ["one"])
+    monkeypatch.setattr("worker.queues.Queues.workers", lambda self: [working(*ALL_QUEUES)])
     serving = serve(min_free_mib=10**9)
     with serving.client() as http:
         assert http.get("/readyz").json()["checks"]["disk"] == "almost full"
