@@ -9,9 +9,13 @@ from pathlib import Path
 from typing import Final
 
 from service.errors import ProblemError
+from service.turns import Turns
 
 WALL_SECONDS: Final = 20.0
 """How long a look may take; the process itself may use 10 s of a processor."""
+WAIT_SECONDS: Final = 60.0
+WAIT_AGAIN_SECONDS: Final = 30
+"""How long files wait for their turn, and what a client is told to wait then."""
 ENVIRONMENT: Final = {"PATH": os.defpath, "LC_ALL": "C.UTF-8", "OPENBLAS_NUM_THREADS": "1"}
 """No address, password or key of ours."""
 
@@ -25,23 +29,29 @@ class Inspector:
 
     def __init__(self, parallel: int) -> None:
         """Start nothing yet."""
-        self._turns = asyncio.Semaphore(parallel)
+        self._turns = Turns(parallel)
 
-    async def inspect(self, files: Mapping[str, tuple[str, Path]]) -> dict[str, str]:
+    async def inspect(self, tenant: str, files: Mapping[str, tuple[str, Path]]) -> dict[str, str]:
         """Look into files.
 
         Args:
+            tenant: Whose they are.
             files: Name of the input → its kind (a module of `worker.inspection`) and where it lies.
 
         Returns:
             Name of the input → the suffix that suits its content.
 
         Raises:
-            ProblemError: the first file that is refused, and why.
+            ProblemError: the first file that is refused, and why; or too many are looked into.
         """
         request = json.dumps([[name, kind, str(path)] for name, (kind, path) in files.items()])
-        async with self._turns:
-            output = await _run(request)
+        try:
+            async with self._turns.turn(tenant, WAIT_SECONDS):
+                output = await _run(request)
+        except TimeoutError:
+            raise ProblemError(
+                "unavailable", "too many uploads are being looked into", retry_after=WAIT_AGAIN_SECONDS
+            ) from None
         try:
             verdict = json.loads(output)
         except ValueError:

@@ -89,7 +89,7 @@ class Submission:
                 if name not in upload.files and record.options[option] != usual:
                     raise ProblemError("bad-input", f"{option} is about a {name}, and none is there")
             looked_at = {name: (inputs[name].inspection, file.path) for name, file in upload.files.items()}
-            suffixes = await front.inspector.inspect(looked_at)
+            suffixes = await front.inspector.inspect(self.key.tenant, looked_at)
             paths = {name: (file.path, suffixes[name]) for name, file in upload.files.items()}
             accepted = await run_in_threadpool(self.accept, front, record, paths)
             front.metrics.upload(sum(file.bytes for file in upload.files.values()))

@@ -11,7 +11,7 @@ from service.probe import Inspector
 def inspect(parallel=1, **files):
     async def run():
         inspector = Inspector(parallel)
-        return await inspector.inspect(files)
+        return await inspector.inspect("a", files)
 
     return asyncio.run(run())
 
@@ -78,8 +78,24 @@ def test_only_so_many_look_at_the_same_time(video, monkeypatch):
 
     async def run():
         inspector = Inspector(2)
-        await asyncio.gather(*(inspector.inspect({"video": ("video", video)}) for _ in range(8)))
+        await asyncio.gather(*(inspector.inspect(str(i), {"video": ("video", video)}) for i in range(8)))
 
     monkeypatch.setattr(probe, "_run", look)
     asyncio.run(run())
     assert most == 2
+
+
+def test_who_sends_more_than_can_be_looked_into_is_told_so(video, monkeypatch):
+    monkeypatch.setattr(probe, "WAIT_SECONDS", 0.01)
+
+    async def run():
+        inspector = Inspector(1)
+        files = {"video": ("video", video)}
+        return await asyncio.gather(
+            *(inspector.inspect("a", files) for _ in range(2)), return_exceptions=True
+        )
+
+    first, second = asyncio.run(run())
+    assert first == {"video": ".mp4"}
+    assert isinstance(second, ProblemError)
+    assert (second.status, second.name) == (503, "unavailable")
