@@ -117,6 +117,10 @@ class Answer(BaseModel):
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
 
+PROBLEM = "urn:matphys:problem:"
+"""How the type of every problem begins, in answers and in webhooks."""
+
+
 class JobError(Answer):
     """Why a job failed."""
 

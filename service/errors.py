@@ -14,11 +14,10 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from model.errors import InputError
-from model.job_schema import Problem
+from model.job_schema import PROBLEM, Problem
 from worker.storage import StorageError
 
 MEDIA_TYPE = "application/problem+json"
-TYPE_PREFIX = "urn:matphys:problem:"
 RETRY_SECONDS = 5
 """What a client is told to wait when something of ours is briefly away."""
 
@@ -80,7 +79,7 @@ class ProblemError(Exception):
 def answer(problem: ProblemError, request_id: str | None = None) -> JSONResponse:
     """The problem as a response."""
     content = Problem(
-        type=TYPE_PREFIX + problem.name,
+        type=PROBLEM + problem.name,
         title=problem.title,
         status=problem.status,
         detail=problem.detail,

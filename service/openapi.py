@@ -6,10 +6,10 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
-from model.job_schema import Problem
+from model.job_schema import PROBLEM, Problem
 from model.version import __version__
 from service.downloads import MEDIA_TYPES, OTHER_MEDIA_TYPE
-from service.errors import MEDIA_TYPE, TITLES, TYPE_PREFIX
+from service.errors import MEDIA_TYPE, TITLES
 from worker.kinds.base import Kind
 
 DESCRIPTION = """Upload a clip of a soft object being handled, watch it become a simulatable twin,
@@ -57,7 +57,7 @@ def public_problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 def _problem(status: int) -> dict[str, Any]:
     examples = {
-        name: {"value": {"type": TYPE_PREFIX + name, "title": title, "status": status}}
+        name: {"value": {"type": PROBLEM + name, "title": title, "status": status}}
         for name, (found, title) in TITLES.items()
         if found == status
     }

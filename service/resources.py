@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import cast
 
-from model.job_schema import Job, JobError, JobFile, JobPage
+from model.job_schema import PROBLEM, Job, JobError, JobFile, JobPage
 from service.auth import ApiKey
 from service.cursors import JOB_ID, encode_cursor
-from service.errors import TYPE_PREFIX, ProblemError
+from service.errors import ProblemError
 from service.front import Front
 from worker.kinds.base import Kind
 from worker.record import JobRecord
@@ -82,7 +82,7 @@ def _error(record: JobRecord) -> JobError | None:
     error = record.error
     if error is None:
         return None
-    return JobError(type=TYPE_PREFIX + error.type, title=error.title, detail=error.detail)
+    return JobError(type=PROBLEM + error.type, title=error.title, detail=error.detail)
 
 
 def _may_see(key: ApiKey, record: JobRecord) -> bool:

@@ -77,7 +77,8 @@ def deliver(
         ):
             status = answer.status
     except (httpcore.NetworkError, httpcore.TimeoutException, httpcore.ProtocolError, OSError) as error:
-        raise Undelivered(f"no answer ({type(error).__name__})") from error
+        why = f": {error}" if str(error) else ""
+        raise Undelivered(f"no answer ({type(error).__name__}{why})") from error
     except (httpcore.UnsupportedProtocol, UnicodeError, ValueError) as error:
         raise Undelivered("not a URL that can be posted to") from error
     if not 200 <= status < 300:

@@ -6,6 +6,7 @@ from typing import ClassVar, Final
 from pydantic import BaseModel
 
 from model.errors import InputError
+from model.job_schema import PROBLEM
 from worker.kinds.base import GIBIBYTE, Kind, Outcome, OutOfTimeError, Postponed, Run
 from worker.record import JobRecord
 from worker.webhooks import Undelivered
@@ -49,6 +50,8 @@ def message(record: JobRecord) -> bytes:
     """What the receiver is told: that it ended and how; everything else it asks for, with its key."""
     ended = None if record.completed_at is None else record.completed_at.isoformat().replace("+00:00", "Z")
     error = None if record.error is None else record.error.model_dump()
+    if error is not None:
+        error["type"] = PROBLEM + error["type"]
     data = {
         "id": record.id,
         "kind": record.kind,

@@ -57,7 +57,7 @@ def test_what_is_told(ended):
             "kind": "twin",
             "status": "failed",
             "parent": None,
-            "error": {"type": "bad-input", "title": "t", "detail": "d"},
+            "error": {"type": "urn:matphys:problem:bad-input", "title": "t", "detail": "d"},
         },
     }
 
