@@ -18,6 +18,7 @@ FRAMES, POINTS = 18, 9
 def seen():
     rng = np.random.default_rng(5)
     points = rng.normal(0, 0.1, (FRAMES, POINTS, 3)).astype(np.float32)
+    points[..., 0] += np.linspace(0.0, 4.0, FRAMES, dtype=np.float32)[:, None]  # farther than its noise
     points[2, 4] = np.nan
     return Observation(
         times=np.arange(FRAMES) / 30.0,
