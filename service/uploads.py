@@ -157,11 +157,7 @@ class Intake:
                 async with asyncio.timeout(self.idle_seconds):
                     chunk = await anext(stream, None)
             except TimeoutError:
-                raise ProblemError(
-                    "upload-stalled",
-                    f"nothing came for {self.idle_seconds:g} s",
-                    headers={"Connection": "close"},
-                ) from None
+                raise _stalled(f"nothing came for {self.idle_seconds:g} s") from None
             if chunk is None:
                 return
             total += len(chunk)
@@ -169,10 +165,8 @@ class Intake:
                 raise _too_large("the request", self.max_bytes)
             spent = time.monotonic() - began
             if spent > DRIP_SECONDS and total < DRIP_BYTES * spent:
-                raise ProblemError(
-                    "upload-stalled",
-                    f"{total} bytes came in {spent:.0f} s: at least {DRIP_BYTES} a second are waited for",
-                    headers={"Connection": "close"},
+                raise _stalled(
+                    f"{total} bytes came in {spent:.0f} s: at least {DRIP_BYTES} a second are waited for"
                 )
             if total - checked >= CHECKED_BYTES:  # who does not say how much comes may bring more than fits
                 await run_in_threadpool(self._check_room, 0)
@@ -266,6 +260,10 @@ def _declared_length(request: Request, limit: int) -> int:
     if length > limit + FORM_OVERHEAD:
         raise _too_large("the request", limit)
     return length
+
+
+def _stalled(detail: str) -> ProblemError:
+    return ProblemError("upload-stalled", detail, headers={"Connection": "close"})
 
 
 def _too_large(what: str, limit: int) -> ProblemError:

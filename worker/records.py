@@ -127,18 +127,29 @@ class Records:
         limit: int = 20,
     ) -> tuple[Sequence[JobRecord], str | None]:
         """Jobs of a tenant, newest first, and the cursor of the next page (None: this is the last)."""
-        found: list[JobRecord] = []
-        for record in self._after(tenant, kind, cursor):
-            if status is None or record.status == status:
-                if len(found) == limit:
-                    return found, found[-1].id
-                found.append(record)
-        return found, None
+        return _page(self._after(tenant, kind, cursor), status, limit)
 
     def children(self, job_id: str) -> Sequence[JobRecord]:
         """Exports, diagnoses and the webhook of a job."""
         ids = cast(set[str], self._redis.smembers(f"matphys:children:{job_id}"))
         return [record for child in sorted(ids) if (record := self.get(child)) is not None]
+
+    def list_children(
+        self,
+        job_id: str,
+        kind: str,
+        *,
+        status: str | None = None,
+        cursor: str | None = None,
+        limit: int = 20,
+    ) -> tuple[Sequence[JobRecord], str | None]:
+        """Those of one kind that were made of a job, as `list` gives a tenant's."""
+        newest = (
+            record
+            for record in reversed(self.children(job_id))
+            if record.kind == kind and (cursor is None or record.id < cursor)
+        )
+        return _page(newest, status, limit)
 
     def cancel(self, job_id: str) -> str | None:
         """Cancel a job that has not ended; gives the status it had, None: no such job."""
@@ -286,3 +297,16 @@ def _forget(run: Callable[..., Any], job_ids: Iterable[str]) -> None:
     left = list(job_ids)
     while left:
         left += run("delete", left.pop())
+
+
+def _page(
+    records: Iterable[JobRecord], status: str | None, limit: int
+) -> tuple[Sequence[JobRecord], str | None]:
+    """The first of some jobs, and the cursor of the next page (None: this is the last)."""
+    found: list[JobRecord] = []
+    for record in records:
+        if status is None or record.status == status:
+            if len(found) == limit:
+                return found, found[-1].id
+            found.append(record)
+    return found, None

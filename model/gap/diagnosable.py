@@ -6,6 +6,7 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.first import first_places
+from model.gap.bodies.let_go import NOISY
 from model.gap.noise import noise_of
 from model.gap.study import HELD_OUT, PATIENCE
 from model.gap.transfer import LOOKED_AT, SETTLING
@@ -32,8 +33,6 @@ REPEATED = 0.5
 SAME, ASKED = 0.3, 64
 """A frame is the same again where points are nearer than so much of the noise, which two measurements of one
 motion are not; and the points that are asked."""
-STILL = 6.0
-"""What stays so many times the noise from where it usually is does not move."""
 LOST = 0.05
 """How far [m] a track that is at the origin in some frames alone is from there in the next, to be lost."""
 ALIKE = "give one in which the same points were tracked, in the same order"
@@ -192,7 +191,7 @@ def _check_lost(observation: Observation, name: str) -> None:
 
 def _check_moves(observation: Observation, name: str) -> None:
     """What it is made of, and what acts on it, shows in how it moves alone."""
-    limit = STILL * noise_of(observation)
+    limit = NOISY * noise_of(observation)
     for places in (observation.points, observation.controllers):
         tracks = places[:, np.isfinite(places[..., 0]).any(0)].astype(np.float64)
         if tracks.shape[1] and np.nanmax(np.abs(tracks - np.nanmedian(tracks, axis=0))) > limit:

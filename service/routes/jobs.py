@@ -1,7 +1,7 @@
 """What can be done with jobs of every kind: submit, list, look at, follow, cancel, delete, download."""
 
 from collections.abc import AsyncIterator
-from typing import Annotated, Any
+from typing import Annotated, Any, TypedDict
 
 from fastapi import APIRouter, Depends, Header, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -32,11 +32,27 @@ IdempotencyKey = Annotated[
         examples=["clip-0042"],
     ),
 ]
-OnlyStatus = Annotated[JobStatus | None, Query(description="Only those.")]
-Cursor = Annotated[str | None, Query(pattern=CURSOR_PATTERN, description="`next_cursor` of the page before.")]
-PageSize = Annotated[int, Query(ge=1, le=100)]
 LOOK_AGAIN_SECONDS = 2
 """After which it is worth asking how a new job does."""
+
+
+class Wanted(TypedDict):
+    """Which jobs of a list: what `Records.list` is asked for."""
+
+    status: JobStatus | None
+    cursor: str | None
+    limit: int
+
+
+def wanted_of(
+    status: Annotated[JobStatus | None, Query(description="Only those.")] = None,
+    cursor: Annotated[
+        str | None, Query(pattern=CURSOR_PATTERN, description="`next_cursor` of the page before.")
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=100)] = 20,
+) -> Wanted:
+    """As the query of a request says."""
+    return Wanted(status=status, cursor=None if cursor is None else decode_cursor(cursor), limit=limit)
 
 
 def job_routes(resource: Resource) -> APIRouter:
@@ -89,24 +105,11 @@ def _add_submitting_to_parent(router: APIRouter, resource: Resource, parent: Res
 
     @router.get(path, summary=f"List those of one {parent.noun}, newest first", responses=problems(404))
     def list_children(
-        job_id: JobId,
-        front: FrontNow,
-        key: Reader,
-        status: OnlyStatus = None,
-        cursor: Cursor = None,
-        limit: PageSize = 20,
+        job_id: JobId, front: FrontNow, key: Reader, wanted: Annotated[Wanted, Depends(wanted_of)]
     ) -> JobPage:
-        after = None if cursor is None else decode_cursor(cursor)
-        found = [
-            record
-            for record in front.records.children(parent.find(front, key, job_id).id)
-            if record.kind == resource.kind.name
-            and (status is None or record.status == status)
-            and (after is None or record.id < after)
-        ]
-        newest = sorted(found, key=lambda record: record.id, reverse=True)
-        page = newest[:limit]
-        return resource.page(front, page, page[-1].id if len(newest) > limit else None)
+        job = parent.find(front, key, job_id)
+        found, last = front.records.list_children(job.id, resource.kind.name, **wanted)
+        return resource.page(front, found, last)
 
 
 def _submitting(resource: Resource, *statuses: int) -> dict[str, Any]:
@@ -130,17 +133,8 @@ def _accepted(
 
 def _add_reading(router: APIRouter, resource: Resource) -> None:
     @router.get(resource.path, summary=f"List {resource.path[1:]}, newest first", responses=problems())
-    def list_jobs(
-        front: FrontNow,
-        key: Reader,
-        status: OnlyStatus = None,
-        cursor: Cursor = None,
-        limit: PageSize = 20,
-    ) -> JobPage:
-        after = None if cursor is None else decode_cursor(cursor)
-        found, last = front.records.list(
-            key.tenant, resource.kind.name, status=status, cursor=after, limit=limit
-        )
+    def list_jobs(front: FrontNow, key: Reader, wanted: Annotated[Wanted, Depends(wanted_of)]) -> JobPage:
+        found, last = front.records.list(key.tenant, resource.kind.name, **wanted)
         return resource.page(front, found, last)
 
     @router.get(resource.path + "/{id}", summary=f"A {resource.noun} as it stands", responses=problems(404))

@@ -5,14 +5,14 @@ import pytest
 from service.turns import Turns
 
 
-def served(turns: Turns, tenants: str, patience: float = 5.0) -> list[str]:
+def served(turns: Turns, tenants: str) -> list[str]:
     """In which order tenants, who ask in this one, have had their turns; no more than two ran at once."""
     ended: list[str] = []
     running = 0
 
     async def one(tenant: str) -> None:
         nonlocal running
-        async with turns.turn(tenant, patience):
+        async with turns.turn(tenant, 5.0):
             running += 1
             assert running <= 2
             await asyncio.sleep(0.002)
