@@ -3,6 +3,7 @@
     python benchmarks/masks/evaluate.py                    # the default segmenter
     python benchmarks/masks/evaluate.py --method NAME      # another one of model.segmentation.ALL_SEGMENTERS
     python benchmarks/masks/evaluate.py --masks DIR        # masks on disk: DIR/CLIP/FRAME.png, object white
+    python benchmarks/masks/evaluate.py --draw DIR         # write the outlines as such pictures, for `--mask`
 
 The clips are looked for in $MATPHYS_DATA/videos (default: ../shared/data beside the repository).
 Boundary F: Csurka et al. (2013), What is a good evaluation measure for semantic segmentation?, BMVC.
@@ -88,20 +89,36 @@ def on_disk(folder: Path) -> Predicted:
     return load
 
 
+def drawn_masks(truth: dict[str, Any]) -> dict[int, Bool[Array, "H W"]]:
+    """The outlines of a clip as masks, by frame."""
+    return {
+        drawn["frame"]: rasterise(
+            drawn["object"]["outer"], drawn["object"]["holes"], truth["width"], truth["height"]
+        )
+        for drawn in truth["frames"]
+    }
+
+
+def write_drawn(truth: dict[str, Any], folder: Path) -> None:
+    """Each drawn frame as FOLDER/CLIP/FRAME.png, the object white."""
+    for frame, mask in drawn_masks(truth).items():
+        picture = folder / truth["clip"] / f"{frame}.png"
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(picture), mask.astype(np.uint8) * 255)
+        print(f"wrote {picture}")
+
+
 def rows(truth: dict[str, Any], predicted: Predicted, seconds: float) -> list[str]:
     """The table's lines for one clip: one per drawn frame, then their mean."""
     lines, scores = [], []
-    for drawn in truth["frames"]:
-        outline = rasterise(
-            drawn["object"]["outer"], drawn["object"]["holes"], truth["width"], truth["height"]
-        )
-        mask = predicted(drawn["frame"])
+    for frame, outline in drawn_masks(truth).items():
+        mask = predicted(frame)
         if mask.shape != outline.shape:
             raise InputError(
                 f"{truth['clip']}: masks are {mask.shape}, the outlines {outline.shape} (rows, columns)"
             )
         scores.append((iou(mask, outline), boundary_f(mask, outline)))
-        lines.append(f"| {truth['clip']} | {drawn['frame']} | {scores[-1][0]:.3f} | {scores[-1][1]:.3f} | |")
+        lines.append(f"| {truth['clip']} | {frame} | {scores[-1][0]:.3f} | {scores[-1][1]:.3f} | |")
     mean = np.mean(scores, axis=0)
     return [
         *lines,
@@ -117,9 +134,16 @@ def main() -> None:
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--method", default=ALL_SEGMENTERS[0].name, help="a segmenter's name")
     source.add_argument("--masks", type=Path, help="score these pictures instead of running a segmenter")
+    source.add_argument(
+        "--draw", type=Path, help="write the outlines as pictures below this folder, no scores"
+    )
     options = parser.parse_args()
     data = Path(os.environ.get("MATPHYS_DATA", HERE.parents[1].parent / "shared" / "data")) / "videos"
     truths = [json.loads(file.read_text()) for file in sorted(HERE.glob("*.json"))]
+    if options.draw:
+        for truth in truths:
+            write_drawn(truth, options.draw)
+        return
     if options.masks:
         inputs = {truth["clip"]: options.masks / truth["clip"] for truth in truths}
     else:
