@@ -163,7 +163,8 @@ class TwinBundle:
         """
         import torch  # takes a second
 
-        from model.gap.world import Sight, World
+        from model.gap.sight import Sight
+        from model.gap.world import World
 
         points = len(self.topology.points)
         everything = Sight(torch.arange(points)[:, None], torch.ones((points, 1)))

@@ -12,11 +12,13 @@ from scipy.spatial import cKDTree
 from model.bundle import TwinBundle
 from model.errors import InputError
 from model.formats.parameters import gravity, ground_height, scalar
-from model.gap.bodies.body import Body, grip_of
+from model.gap.bodies.body import Body, grip_of, with_skin
 from model.gap.bodies.guess import guess_shape
 from model.gap.bodies.rest import rest_places
+from model.gap.bodies.rope import is_line, is_thick
 from model.gap.by_graph import by_graph
 from model.gap.graph import Graph
+from model.gap.noise import noise_of
 from model.gap.plain import Matter, PlainTwin
 from model.gap.registration import onto_twin
 from model.gap.same_hand import led
@@ -121,11 +123,13 @@ def bound(
 
 def _body(graph: Graph, fine: Graph, observation: Observation) -> Body:
     """With the grip of the twin's own hand."""
-    points, spacing = graph.points, graph.spacing
-    index, weight = bound(rest_places(observation), points, spacing)
+    points, spacing, seen = graph.points, graph.spacing, rest_places(observation)
+    index, weight = bound(seen, points, spacing)
     share: Float64[Array, " P"] = graph.mass / graph.mass.sum()
     shape = guess_shape(fine.points[:: math.ceil(len(fine.points) / LOOKED_AT)])
-    return Body(shape, points, graph.springs, share, index, weight, graph.grip, spacing)
+    body = Body(shape, points, graph.springs, share, index, weight, graph.grip, spacing)
+    thick = is_line(graph.springs, len(points)) and is_thick(seen, points, noise_of(observation))
+    return with_skin(body, seen, points, observation.ground_height) if thick else body
 
 
 def _matter(graph: Graph, bundle: TwinBundle, guessed: Matter) -> Matter:

@@ -17,8 +17,9 @@ from model.gap.bodies.hold import Hold
 from model.gap.carried import carrying_able
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
+from model.gap.sight import Sight, Skin
 from model.gap.slight_bending import slight_bending
-from model.gap.world import Sight, World
+from model.gap.world import World
 from model.gap.wrinkling import SLACKNESS, wrinkling
 from model.schema import EffectRecord
 from model.simulator.build import build_simulator
@@ -192,7 +193,8 @@ class PlainTwin:
         reach = torch.tensor(matter.start.get("reach", 1.0) * body.grasp, dtype=torch.float64)
         np.maximum.at(bearing, body.grip[:, 1], matter.fading(reach).numpy())
         if observation.ground_height is not None:
-            bearing[body.points[:, 2] < observation.ground_height + 0.5 * body.spacing] = 1.0
+            lying = observation.ground_height + body.above + 0.5 * body.spacing
+            bearing[body.points[:, 2] < lying] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
         rest = resting(body.points, body.springs, weights, bearing, presses=not matter.slackness)
         return cls(body, observation, matter, rest, controls)
@@ -201,6 +203,12 @@ class PlainTwin:
     def given(self) -> bool:
         """It came with parameters; else they are guessed."""
         return self.matter.given
+
+    @property
+    def ground_height(self) -> float | None:
+        """Of the ground as its points meet it [m]: those in the middle of a thick rope never come down."""
+        ground = self.observation.ground_height
+        return None if ground is None else ground + self.body.above
 
     @property
     def hand_known(self) -> bool:
@@ -293,12 +301,13 @@ class PlainTwin:
             collision_distance=matter.collision_distance,
             bending_decay=values.get("bending_decay", matter.bending_decay),
             gravity=seen.gravity,
-            ground_height=seen.ground_height,
+            ground_height=self.ground_height,
             dtype=dtype,
         )
-        sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype))
+        skin = None if body.aside is None else Skin.of(body.aside, dtype)
+        sight = Sight(torch.from_numpy(body.index), torch.from_numpy(body.weight).to(dtype), skin)
         controls = self._controls(values, dtype) if held else None
-        world = World(simulator, sight, seen.times, controls, seen.ground_height)
+        world = World(simulator, sight, seen.times, controls, self.ground_height)
         if not self.given:
             weight = float(matter.mass.sum() * np.linalg.norm(seen.gravity))
             bending = slight_bending(body, weight, values.get("bending", torch.ones(())))

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
-from model.gap.bodies.body import Body, between, grip_of
+from model.gap.bodies.body import Body, between, grip_of, with_skin
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.hidden import hiding
 from model.gap.bodies.rest import rest_places
@@ -42,6 +42,8 @@ LEAST_FRAMES = 6
 UNBENT = 0.3
 """How much mass points are moved alike, against where the observed points are seen: those that nobody sees go
 with their neighbours, and noise does not crumple the body."""
+AGAIN = 5
+"""Times that the line within a skin is laid anew."""
 SAME_HAND = 0.5
 """Grasps: controllers this near to where the body takes those of the first recording hold the same."""
 
@@ -163,7 +165,8 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     twin = study.plain.twin
     here, there = rest_places(study.observation), rest_places(observation)
     points = _posed(twin.body, _sure(here, study.observation), _sure(there, observation))
-    twin = replace(twin, body=_told_there(twin.body, here, there, points))
+    body = _told_there(twin.body, here, there, points, observation.ground_height)
+    twin = replace(twin, body=body)
     turned = _held_alike(twin, study.observation, observation, points)
     twin = turned or _held_anew(twin, observation, there, points)
     world = replace(study.plain, twin=twin)
@@ -212,22 +215,32 @@ def _sure(places: Float64[Array, "N 3"], observation: Observation) -> Float64[Ar
 
 
 def _told_there(
-    body: Body, here: Float64[Array, "N 3"], there: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
+    body: Body,
+    here: Float64[Array, "N 3"],
+    there: Float64[Array, "N 3"],
+    points: Float64[Array, "P 3"],
+    ground: float | None,
 ) -> Body:
     """The body, of which points that were never seen in the first recording are where the other shows them.
+
+    So are all that are seen of a thick rope.
 
     Args:
         body: Of the first recording.
         here: Places of the observed points in its first frame [m]; NaN: never seen.
         there: The same of the other recording.
         points: Mass points in the other recording's first frame [m].
+        ground: Height of the ground there [m]; None: there is none.
     """
     new = np.isnan(here[:, 0]) & np.isfinite(there[:, 0])
-    if not new.any():
+    if new.any():
+        index, weight = body.index.copy(), body.weight.copy()
+        index[new], weight[new] = between(there[new], points)
+        body = replace(body, index=index, weight=weight)
+    if body.aside is None:
         return body
-    index, weight = body.index.copy(), body.weight.copy()
-    index[new], weight[new] = between(there[new], points)
-    return replace(body, index=index, weight=weight)
+    # how a rope is rolled about itself is another thing in each recording
+    return with_skin(body, there, points, ground)
 
 
 def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3"]) -> Float64[Array, "P 3"]:
@@ -253,9 +266,13 @@ def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3
     sight = np.zeros((len(index), len(points)))
     np.add.at(sight, (np.arange(len(index))[:, None], index), weight)
     uneven = UNBENT * _unevenness(body)
-    wanted = np.concatenate([there - sight @ points, np.zeros_like(points)])
-    moved: Float64[Array, "P 3"] = np.linalg.lstsq(np.concatenate([sight, uneven]), wanted, rcond=None)[0]
-    points += moved
+    aside = None if body.aside is None else body.aside.rolled(turn.as_matrix())
+    # where a line is that runs within a skin is known once it is known how it runs
+    for _ in range(1 if aside is None else AGAIN):
+        line = there if aside is None else there - aside.turned(points)[both]
+        wanted = np.concatenate([line - sight @ points, np.zeros_like(points)])
+        moved: Float64[Array, "P 3"] = np.linalg.lstsq(np.concatenate([sight, uneven]), wanted, rcond=None)[0]
+        points = points + moved
     return points
 
 

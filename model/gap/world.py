@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64, Int
+from jaxtyping import Float, Float64
 from torch import Tensor
 
+from model.gap.sight import Sight
 from model.gap.size import size_of
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.forces.base import ForceTerm
@@ -14,26 +15,6 @@ from model.simulator.forces.gravity import Gravity
 from model.simulator.simulator import Lead, Rollout, Simulator
 from model.simulator.system import State, System
 from model.types import Array
-
-
-@dataclass(frozen=True)
-class Sight:
-    """Which places of the object are seen: each is a weighted mean of mass points."""
-
-    index: Int[Tensor, "N k"]
-    weight: Float[Tensor, "N k"]
-    """Sums to 1 over k."""
-
-    def __call__(self, points: Float[Tensor, "*b P 3"]) -> Float[Tensor, "*b N 3"]:
-        """The seen places [m] of mass points at `points` [m]."""
-        corners = points[..., self.index, :]
-        seen: Tensor = (self.weight.unsqueeze(-1) * corners).sum(-2)
-        return seen
-
-    def spread(self, values: Float[Tensor, " P"]) -> Float[Tensor, " N"]:
-        """One number for each mass point as one for each seen place."""
-        spread: Tensor = (self.weight * values[self.index]).sum(-1)
-        return spread
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def with_findings(
     # what was found was fitted on top of a carried effect of its kind, or instead of it
     changed = {record.name for record in found if not CATALOGUE[record.name].stacks}
     kept = tuple(record for record in bundle.effects if record.name not in changed)
-    place = _there(bundle.parameters, fine.observation)
+    place = _there(bundle.parameters, fine)
     twin = replace(bundle, effects=(*kept, *found), parameters=place, preview=None)
     if diagnosis.fitted is not None:
         mechanics = Mechanics.of(
@@ -157,7 +157,7 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
         manifest=BundleManifest.model_validate({"schema": SCHEMA}),
         gaussians=_dots(seen[known], colors),
         topology=topology,
-        parameters=_of_the_place(mechanics.parameters, observation, plain, diagnosis.fitted or {}),
+        parameters=_of_the_place(mechanics.parameters, plain, diagnosis.fitted or {}),
         controls=None if motion is None else evenly_timed(motion, observation.times, fps),
         effects=_with_wrinkling(world, _with_slight_bending(world, diagnosis.effects)),
     )
@@ -209,9 +209,7 @@ def _signed(manifest: BundleManifest, origin: str, twin: TwinBundle) -> BundleMa
     )
 
 
-def _of_the_place(
-    parameters: Parameters, observation: Observation, plain: PlainTwin, fitted: Mapping[str, float]
-) -> Parameters:
+def _of_the_place(parameters: Parameters, plain: PlainTwin, fitted: Mapping[str, float]) -> Parameters:
     """The parameters with all that a bundle has to say: ground, gravity, contact, how zigzags die out."""
     decay = "bending_decay"
     calm = Parameter(plain.matter.bending_decay, "1/s", "prior")
@@ -222,14 +220,14 @@ def _of_the_place(
         decay: Parameter(fitted[decay], "1/s", "fitted") if decay in fitted else calm,
         **parameters.globals,
     }
-    return _there(replace(parameters, globals=own), observation)
+    return _there(replace(parameters, globals=own), plain)
 
 
-def _there(parameters: Parameters, observation: Observation) -> Parameters:
-    """With the gravity of an observation, and its ground where it has one: fits were made there."""
-    own = {**parameters.globals, "gravity": Parameter(observation.gravity, "m/s^2", "user")}
-    if observation.ground_height is not None:
-        own["ground_height"] = Parameter(observation.ground_height, "m", "user")
+def _there(parameters: Parameters, plain: PlainTwin) -> Parameters:
+    """With the gravity of its observation, and the ground as its points meet it: fits were made there."""
+    own = {**parameters.globals, "gravity": Parameter(plain.observation.gravity, "m/s^2", "user")}
+    if plain.ground_height is not None:
+        own["ground_height"] = Parameter(plain.ground_height, "m", "user")
     return replace(parameters, globals=own)
 
 

@@ -1,20 +1,22 @@
 """Mass points and springs for an object of which only moving surface points are known."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from model.errors import InputError
+from model.gap.bodies.aside import Aside
 from model.gap.bodies.guess import Shape, guess_shape
 from model.gap.bodies.hidden import hidden_points, hiding
 from model.gap.bodies.neighbours import pairs_within
 from model.gap.bodies.reached import bar, held_from_afar
 from model.gap.bodies.rest import rest_places
-from model.gap.bodies.rope import chain
+from model.gap.bodies.rope import chain, is_thick
 from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
+from model.gap.noise import noise_of
 from model.types import Array, Observation
 
 CORNERS = 6
@@ -48,6 +50,10 @@ class Body:
     """Of the points [m]."""
     hold: float | None = None
     """How much of it a hand holds at once [m], where that is known; None: by the spacing."""
+    aside: Aside | None = None
+    """Of a thick rope, how far observed points are beside its points; None: where their weights put them."""
+    above: float = 0.0
+    """How far above the ground its points are where it lies on it: of a thick rope, half of that [m]."""
 
     @property
     def grasp(self) -> float:
@@ -77,7 +83,24 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     points, springs, spacing = _joined(shape, seen, observation, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
-    return Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
+    body = Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
+    thick = shape == "rope" and is_thick(seen, points, noise_of(observation))
+    return with_skin(body, seen, points, observation.ground_height) if thick else body
+
+
+def with_skin(
+    body: Body, seen: Float64[Array, "N 3"], points: Float64[Array, "P 3"], ground: float | None
+) -> Body:
+    """A thick rope, whose skin is what is seen of it.
+
+    Args:
+        body: A line.
+        seen: Where the observed points are in some pose [m]; NaN for those that are never seen.
+        points: Where its own points are in that pose [m].
+        ground: Height of the ground there [m]; None: there is none.
+    """
+    aside = Aside.of(seen, points, body.index, body.weight)
+    return replace(body, aside=aside, above=aside.height(points, ground))
 
 
 def _reaching(seen: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], scale: float) -> Body:

@@ -17,9 +17,10 @@ from model.gap.learn import Example
 from model.gap.misfit import Misfit, Span
 from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
+from model.gap.sight import Sight
 from model.gap.study import Study
 from model.gap.transfer import transferred
-from model.gap.world import Sight, World
+from model.gap.world import World
 from model.simulator.build import build_simulator
 from model.simulator.simulator import Simulator
 from model.types import Observation
@@ -183,6 +184,48 @@ def short():
         points=np.repeat(places[None].astype(np.float32), len(times), 0),
         controllers=(places[:1][None] + swing[:, None]).astype(np.float32),
     )
+
+
+@pytest.fixture(scope="session")
+def thick_rope():
+    """A function: a recording of the skin of a rope, and where its middle is in the first frame."""
+    return _thick_rope
+
+
+def _thick_rope(seed, radius=0.009, count=120, bend=1.2, roll=0.0, length=0.8, lying=False, noise=1e-3):
+    """It is bent evenly, rolled about itself by so much, and carried to and fro as a whole, by one end.
+
+    Hanging in the x-z plane, or lying on the ground at z = 0. Where on the skin places are follows from the
+    seed, their noise from the roll too.
+    """
+    rng = np.random.default_rng(seed)
+    along, around = rng.uniform(0, length, count), rng.uniform(0, 2 * np.pi, count) + roll
+    noisy = np.random.default_rng((seed, int(1e3 * (roll + 10.0))))
+
+    def middle(at):
+        angle = bend * np.asarray(at) / length
+        out = np.stack([-np.cos(angle), np.zeros_like(angle), np.sin(angle)], -1)
+        if bend == 0.0:
+            return np.stack([0 * angle, 0 * angle, np.asarray(at)], -1), out
+        return length / bend * (out + [1.0, 0.0, 0.0]), out
+
+    line, out = middle(along)
+    places = line + radius * (np.cos(around)[:, None] * out + np.sin(around)[:, None] * [0.0, 1.0, 0.0])
+    fine = middle(np.linspace(0, length, 401))[0]
+    held = fine[:1]
+    if lying:
+        turn = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        places, fine, held = (one @ turn.T + [0.0, 0.0, radius] for one in (places, fine, held))
+    times = np.arange(40) / 30.0
+    away = np.stack([0.1 * np.sin(4 * times), np.zeros(40), np.zeros(40)], 1)[:, None]
+    points = places + away + noise * noisy.normal(size=(40, count, 3))
+    seen = Observation(
+        times,
+        points.astype(np.float32),
+        (held + away).astype(np.float32),
+        ground_height=0.0 if lying else None,
+    )
+    return seen, fine
 
 
 @pytest.fixture

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
+from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.carried import record_of
@@ -167,3 +169,19 @@ def test_an_effect_that_is_at_work_in_both_recordings_leaves_less_in_the_other(s
     slopes = np.zeros((len(sheet.base.residuals), len(vector)))
     wrong = replace(sheet.base, values=values, vector=vector, jacobian=slopes)
     assert found.followed(Fitted(misfit, wrong, plain.foretold)).estimate.cost > 1.5 * left
+
+
+@pytest.mark.parametrize(("bend", "roll"), [(0.0, 0.0), (1.2, 2.0), (-0.6, -1.0)])
+def test_the_line_of_a_thick_rope_is_found_however_it_is_rolled_and_bent(bend, roll, thick_rope, studied):
+    seen, _ = thick_rope(0, bend=0.0)
+    other, middle = thick_rope(0, bend=bend, roll=roll)
+    study = studied(seen)
+    found = transferred(study, other)
+    line = found.state.positions.double().numpy()
+    assert cKDTree(middle).query(line)[0][2:-2].max() < 0.005
+    assert found.twin.body.aside is not None
+    made = found.twin.world(
+        {name: torch.tensor(value).double() for name, value in study.base.values.items()}, torch.float64
+    )
+    expected = made.sight(found.state.positions.double()).numpy()
+    assert np.sqrt(np.mean((expected - other.points[0]) ** 2)) < 1.5e-3

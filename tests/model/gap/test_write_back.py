@@ -245,6 +245,16 @@ class TestMade:
         assert "ground_height" not in twin.parameters.globals
         assert twin.rollout(substeps=50).points[-1, :, 2].mean() < twin.topology.points[:, 2].mean() - 0.1
 
+    def test_a_thick_rope_lies_where_it_lay(self, found, thick_rope, tmp_path):
+        seen, _ = thick_rope(1, lying=True)
+        plain = PlainTwin.of(body_of(seen, "rope"), seen)
+        made = twin_of(seen, Diagnosis(found(seen), ()), plain)
+        assert plain.ground_height == plain.body.above > 0.006
+        assert made.parameters.globals["ground_height"].value == plain.ground_height
+        again = given_twin(made, seen)
+        assert again.body.aside is not None
+        assert again.ground_height == pytest.approx(plain.ground_height, abs=1e-3)
+
 
 def test_a_gradient_that_was_fitted_to_a_coarser_twin_leads_the_same_way():
     """Axes of a body have no sign of their own: another order of points turns them about."""

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from model.gap.effects import ALL_EFFECTS, MassHeterogeneity
-from model.gap.world import Sight, World
+from model.gap.sight import Sight
+from model.gap.world import World
 from model.simulator.build import build_simulator
 from model.simulator.system import State
 
