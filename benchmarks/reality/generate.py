@@ -29,6 +29,7 @@ from benchmarks.reality.labels import known_labels, write_labels
 from benchmarks.reality.magnitude import Simulate, checked_gap, hopeless, measure, tune
 from benchmarks.reality.recipe import BLOCK, LAST, MAGNITUDES, SPLITS, Recipe, Split, Wanted, draw_recipe
 from benchmarks.reality.sensor import Sensor, lagging, report
+from benchmarks.reality.tube import on_skin
 from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
 
 GENERATORS = {"dev": "mujoco", "test": "fem"}
@@ -56,14 +57,17 @@ def make(
     generator_name: str,
     wanted: Wanted | None = None,
     choosy: int = CHOOSY,
+    *,
+    skin: bool = False,
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]]:
-    """Observation, transfer observation, label of one world."""
+    """Observation, transfer observation, label of one world; of a rope its `skin` is seen or its line."""
     simulate = generator(generator_name)
     for attempt in range(TRIES):
         recipe = draw_recipe(seed, split, index, attempt, wanted)
         rng = np.random.default_rng([SPLITS[split], seed, 4, index, attempt])
         try:
-            done = _realise(recipe, simulate, rng, np.inf if attempt >= choosy else WITHIN)
+            within = np.inf if attempt >= choosy else WITHIN
+            done = _realise(recipe, simulate, rng, within, (seed, index) if skin else None)
         except Runaway:
             continue
         if done is not None:
@@ -77,7 +81,11 @@ def make(
 
 
 def _realise(
-    recipe: Recipe, simulate: Simulate, rng: np.random.Generator, within: float
+    recipe: Recipe,
+    simulate: Simulate,
+    rng: np.random.Generator,
+    within: float,
+    skin: tuple[int, int] | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]] | None:
     sensor, again = recipe.sensor, recipe.transfer_sensor
     effects: list[Effect] = []
@@ -106,6 +114,12 @@ def _realise(
     transfer = simulate(_lag(recipe.transfer.with_effects(*effects), again))
     if not (_sane(motion) and _sane(transfer)):
         return None
+    if skin is not None and recipe.world.shape.kind == "rope":
+        # the same places in both
+        motion, transfer = (
+            on_skin(each, recipe.world.shape.radius, np.random.default_rng(skin))
+            for each in (motion, transfer)
+        )
     observation = report(motion.points, recipe.world.scene, sensor, rng)
     second = report(transfer.points, recipe.transfer.scene, again, rng)
     return observation, second, _label(recipe, effects, motion, magnitude)
@@ -168,14 +182,14 @@ def _name(split: Split, seed: int, index: int) -> str:
     return hashlib.sha256(f"{split} {seed} {index}".encode()).hexdigest()[:10]
 
 
-Job = tuple[int, Split, int, str, Wanted, int, Path]
+Job = tuple[int, Split, int, str, Wanted, int, bool, Path]
 
 
 def _work(job: Job) -> dict[str, Any] | None:
-    seed, split, index, generator_name, wanted, choosy, out = job
+    seed, split, index, generator_name, wanted, choosy, skin, out = job
     name = _name(split, seed, index)
     try:
-        observation, transfer, label = make(seed, split, index, generator_name, wanted, choosy)
+        observation, transfer, label = make(seed, split, index, generator_name, wanted, choosy, skin=skin)
     except RuntimeError as error:
         print(error, file=sys.stderr)
         return None
@@ -205,19 +219,24 @@ def main(arguments: list[str] | None = None) -> int:
     development.add_argument(
         "--choosy", type=int, default=CHOOSY, help="draws that have to be near the target"
     )
+    development.add_argument(
+        "--skin", action="store_true", help="of ropes the skin is seen, not the middle line"
+    )
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
     if options.split == "test" and options.generator not in (None, GENERATORS["test"]):
         parser.error("test worlds have a generator of their own")
     wanted = Wanted(tuple(options.only), tuple(options.targets))
-    if options.split == "test" and (wanted != Wanted() or options.choosy != CHOOSY):
-        parser.error("test worlds are drawn as they come: --only, --targets and --choosy are for development")
+    if options.split == "test" and (wanted != Wanted() or options.choosy != CHOOSY or options.skin):
+        parser.error(
+            "test worlds are drawn as they come: --only, --targets, --choosy and --skin are for development"
+        )
     chosen = options.generator or GENERATORS[options.split]
     options.out.mkdir(parents=True, exist_ok=True)
     labels = known_labels(options.out)
     made = {label["world"] for label in labels}
     jobs = [
-        (options.seed, options.split, index, chosen, wanted, options.choosy, options.out)
+        (options.seed, options.split, index, chosen, wanted, options.choosy, options.skin, options.out)
         for index in range(options.first, options.first + options.count)
         if _name(options.split, options.seed, index) not in made
     ]

@@ -258,8 +258,10 @@ class PlainTwin:
             own |= {name: Quantity("m", (-aside, aside), 0.0) for name in self._each_hand(HOLD)}
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
-        if self.matter.slackness and self.matter.bending_decay:
+        thick = self.body.aside is not None and not self.given
+        if self.matter.bending_decay and (self.matter.slackness or thick):
             own["bending"] = Quantity("1", (0.03, 3.0), start["bending"], log=True)
+        if self.matter.slackness and self.matter.bending_decay:
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
         for mode in range(MODES[self.body.shape]):
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)

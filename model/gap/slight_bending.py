@@ -11,6 +11,9 @@ from model.simulator.structure import rows, spans, turns
 SLIGHT = {"rope": 2e-6, "sheet": 7e-4}
 """Of a rope over weight times length squared, of a sheet over weight times length times spacing: as of thin
 cotton, which 1 to 5 % of its length bend under their own weight."""
+THICK = 1.0
+"""Of a rope of which it is seen how thick it is, over weight per length times the cube of that: a soft one
+bends under its own weight over a length that it is thick."""
 
 
 class SlightBending(Bending):
@@ -36,11 +39,17 @@ def slight_bending(body: Body, weight: float, share: Tensor | float = 1.0) -> Sl
     triples = rows(body.points, body.springs)
     if not len(triples):
         return None
-    length = size_of(body.points)
-    across = length if body.shape == "rope" else body.spacing
     return SlightBending(
         torch.from_numpy(triples),
-        bending_stiffness=share * SLIGHT[body.shape] * weight * length * across * torch.ones(len(triples)),
+        bending_stiffness=share * _usual(body, weight) * torch.ones(len(triples)),
         span=spans(body.points, triples),
         rest_turn=torch.from_numpy(turns(body.points, triples)),
     )
+
+
+def _usual(body: Body, weight: float) -> float:
+    """Of a thin rope or sheet like most, or of a rope as thick as it is [N·m²]."""
+    length = size_of(body.points)
+    if body.aside is not None:
+        return THICK * weight / length * (2.0 * body.aside.radius) ** 3
+    return SLIGHT[body.shape] * weight * length * (length if body.shape == "rope" else body.spacing)

@@ -51,6 +51,12 @@ class Aside:
         away = seen - (weight[..., None] * points[index]).sum(1)
         return cls(np.where(np.isfinite(away), away, 0.0), _directions(points, ends), ends)
 
+    @property
+    def radius(self) -> float:
+        """How far the skin is from the line, of most places [m]."""
+        away = np.linalg.norm(self.offset, axis=1)
+        return float(np.median(away[away > 0.0])) if (away > 0.0).any() else 0.0
+
     def height(self, points: Float64[Array, "P 3"], ground: float | None) -> float:
         """How far above the ground the line of a rope that lies on it is [m]: as the skin is away from it.
 
@@ -60,11 +66,7 @@ class Aside:
             points: Of the line [m].
             ground: Its height [m]; None: there is none.
         """
-        if ground is None:
-            return 0.0
-        away = np.linalg.norm(self.offset, axis=1)
-        thick = float(np.median(away[away > 0.0])) if (away > 0.0).any() else 0.0
-        return max(0.0, min(thick, float(points[:, 2].min()) - ground))
+        return 0.0 if ground is None else max(0.0, min(self.radius, float(points[:, 2].min()) - ground))
 
     def rolled(self, turn: Float64[Array, "3 3"]) -> "Aside":
         """The same of a body that is turned as a whole, by this matrix of rotation."""

@@ -207,7 +207,7 @@ def _thick_rope(seed, radius=0.009, count=120, bend=1.2, roll=0.0, length=0.8, l
         out = np.stack([-np.cos(angle), np.zeros_like(angle), np.sin(angle)], -1)
         if bend == 0.0:
             return np.stack([0 * angle, 0 * angle, np.asarray(at)], -1), out
-        return length / bend * (out + [1.0, 0.0, 0.0]), out
+        return length / bend * (out + np.array([1.0, 0.0, 0.0])), out
 
     line, out = middle(along)
     places = line + radius * (np.cos(around)[:, None] * out + np.sin(around)[:, None] * [0.0, 1.0, 0.0])

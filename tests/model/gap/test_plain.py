@@ -161,3 +161,26 @@ def test_a_hand_that_nothing_goes_with_holds_nothing_and_says_how_far_it_is():
     busy = PlainTwin.of(body_of(observation), observation)
     assert not busy.idle
     np.testing.assert_array_equal(busy.holders, [0, 1])
+
+
+def test_of_a_thick_rope_it_is_fitted_how_it_bends(thick_rope):
+    (thick, _), (thin, _) = thick_rope(0), thick_rope(0, radius=0.001)
+    twins = [PlainTwin.of(body_of(seen, "rope"), seen) for seen in (thick, thin)]
+    assert ["bending" in twin.quantities for twin in twins] == [True, False]
+    usual = {name: torch.tensor(q.start).double() for name, q in twins[0].quantities.items()}
+    soft, stiff = (
+        twins[0].world({**usual, "bending": torch.tensor(share).double()}).simulator.force("slight_bending")
+        for share in (0.1, 1.0)
+    )
+    ratio = stiff.value("bending_stiffness") / soft.value("bending_stiffness")
+    np.testing.assert_allclose(ratio.numpy(), 10.0, rtol=1e-5)
+
+
+def test_a_thick_rope_lies_with_its_middle_above_the_ground(thick_rope):
+    seen, _ = thick_rope(0, lying=True)
+    twin = PlainTwin.of(body_of(seen, "rope"), seen)
+    usual = {name: torch.tensor(q.start).double() for name, q in twin.quantities.items()}
+    world = twin.world(usual)
+    assert world.ground_height == twin.ground_height == twin.body.above > 0.006
+    thin, _ = thick_rope(0, radius=0.001, lying=True)
+    assert PlainTwin.of(body_of(thin, "rope"), thin).ground_height == 0.0

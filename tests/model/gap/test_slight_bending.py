@@ -67,3 +67,16 @@ def test_a_solid_and_a_body_without_rows_have_none(block, hung):
     corner = Observation(np.arange(4) / 30.0, np.repeat(three[None], 4, 0), np.zeros((4, 0, 3), np.float32))
     apart = body_of(corner, "sheet")
     assert slight_bending(apart, WEIGHT) is None
+
+
+@pytest.mark.parametrize("radius", [0.006, 0.012])
+def test_a_soft_rope_bends_under_its_own_weight_over_a_length_that_it_is_thick(radius, thick_rope):
+    """A cantilever of length l droops by w l⁴ / 8 B: by an eighth of that, if it is as long as it is thick."""
+    seen, middle = thick_rope(2, radius=radius)
+    body = body_of(seen, "rope")
+    stiffness = float(slight_bending(body, WEIGHT).value("bending_stiffness")[0])
+    length = np.linalg.norm(np.diff(middle, axis=0), axis=1).sum()
+    thick = 2 * radius
+    droop = WEIGHT / length * thick**4 / (8 * stiffness)
+    # how long and how thick it is is told from noisy places; bent, it is shorter across
+    assert droop == pytest.approx(thick / 8, rel=0.4)
