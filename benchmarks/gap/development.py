@@ -12,6 +12,7 @@ from model.crew import crew
 from model.gap.benchmark.labels import PLAIN, Label, open_labels
 
 HEALTHY = "null"
+KINDS = ("rope", "sheet", "solid")
 
 
 def healthy_worlds(description: str | None, arguments: list[str] | None) -> list[tuple[Path, Label]]:
@@ -27,11 +28,14 @@ def healthy_worlds(description: str | None, arguments: list[str] | None) -> list
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("worlds", type=Path, nargs="+")
-    folders: list[Path] = parser.parse_args(arguments).worlds
+    parser.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS, help="of objects, these alone")
+    options = parser.parse_args(arguments)
+    folders: list[Path] = options.worlds
     labels = [(folder, label) for folder in folders for label in open_labels_of(folder, parser, "it asks of")]
     warnings.simplefilter("ignore")
     torch.set_num_threads(1)
-    return [(folder, label) for folder, label in labels if label["category"] == HEALTHY]
+    healthy = [(folder, label) for folder, label in labels if label["category"] == HEALTHY]
+    return [(folder, label) for folder, label in healthy if label["kind"] in options.kind]
 
 
 def open_labels_of(folder: Path, parser: argparse.ArgumentParser, what: str) -> list[Label]:

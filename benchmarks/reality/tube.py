@@ -8,6 +8,8 @@ from benchmarks.reality.world import Array, Motion
 
 AROUND = 3
 """Places on the skin for each of those on the middle line."""
+OVER = 0.015
+"""Before and behind a point, over which it is told how the line runs there [m]."""
 
 
 def on_skin(motion: Motion, radius: float, rng: np.random.Generator) -> Motion:
@@ -29,36 +31,29 @@ def on_skin(motion: Motion, radius: float, rng: np.random.Generator) -> Motion:
 def untwisted(line: Array) -> tuple[Array, Array]:
     """Two unit normals [T, N, 3] of a line [T, N, 3], carried along it, and in time at its first point.
 
-    From each tangent to the next they are reflected twice.
+    From each tangent to the next they turn by as much as they must.
 
     Reference:
-        Wang, Jüttler, Zheng, Liu (2008), Computation of rotation minimizing frames, ACM Transactions on
-        Graphics 27 (double reflection).
+        Bishop (1975), There is more than one way to frame a curve, American mathematical monthly 82.
     """
-    tangent = np.gradient(line, axis=1)
-    tangent /= np.linalg.norm(tangent, axis=2, keepdims=True)
+    tangent = tangents(line)
     normal = np.empty_like(line)
-    start = np.eye(3)[np.abs(tangent[0, 0]).argmin()]
-    normal[0, 0] = _perpendicular(start, tangent[0, 0])
+    normal[0, 0] = _perpendicular(np.eye(3)[np.abs(tangent[0, 0]).argmin()], tangent[0, 0])
     for frame in range(1, len(line)):
-        normal[frame, 0] = _carried(normal[frame - 1, 0], tangent[frame - 1, 0], tangent[frame, 0])
+        normal[frame, 0] = _perpendicular(normal[frame - 1, 0], tangent[frame, 0])
     for i in range(1, line.shape[1]):
-        normal[:, i] = _carried(
-            normal[:, i - 1], tangent[:, i - 1], tangent[:, i], line[:, i] - line[:, i - 1]
-        )
+        normal[:, i] = _perpendicular(normal[:, i - 1], tangent[:, i])
     return normal, np.cross(tangent, normal)
 
 
-def _carried(normal: Array, before: Array, after: Array, way: Array | None = None) -> Array:
-    """A normal [..., 3] of one tangent as one of the next, reflected across the way between them first."""
-    if way is not None:
-        normal, before = _reflected(normal, way), _reflected(before, way)
-    return _perpendicular(_reflected(normal, after - before), after)
-
-
-def _reflected(vector: Array, across: Array) -> Array:
-    square = np.maximum((across**2).sum(-1, keepdims=True), 1e-30)
-    return np.asarray(vector - 2.0 * (vector * across).sum(-1, keepdims=True) / square * across)
+def tangents(line: Array) -> Array:
+    """Directions of a line [T, N, 3], told over a little way: points side by side tell none."""
+    arc = np.concatenate([[0.0], np.linalg.norm(np.diff(line[0], axis=0), axis=1).cumsum()])
+    last = len(arc) - 1
+    behind = np.clip(np.searchsorted(arc, arc - OVER, side="right") - 1, 0, last)
+    ahead = np.clip(np.searchsorted(arc, arc + OVER), 0, last)
+    way = line[:, ahead] - line[:, behind]
+    return np.asarray(way / np.linalg.norm(way, axis=2, keepdims=True))
 
 
 def _perpendicular(vector: Array, tangent: Array) -> Array:

@@ -58,6 +58,9 @@ leads them; with it they stay as near. Waves of a fifth of a rope's length die o
 TAUT = 10.0
 """Cloth that is so many times stiffer than usual stretches by 0.3 % under its own weight, less than is seen:
 what is stiffer still would only need finer time steps."""
+BENDING = {"rope": 1.5, "sheet": 3.0}
+"""Times what is usual that a plain twin may resist bending, a rope where it is seen how thick it is; what is
+beyond is an effect."""
 MODES = {"rope": 1, "sheet": 2, "solid": 2}
 """Along so many of the longest axes of the body stiffness may grow from one end to the other."""
 LEAST_AWAY = 1e-9
@@ -260,7 +263,7 @@ class PlainTwin:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         thick = self.body.aside is not None and not self.given
         if self.matter.bending_decay and (self.matter.slackness or thick):
-            own["bending"] = Quantity("1", (0.03, 3.0), start["bending"], log=True)
+            own["bending"] = Quantity("1", (0.03, BENDING[self.body.shape]), start["bending"], log=True)
         if self.matter.slackness and self.matter.bending_decay:
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
         for mode in range(MODES[self.body.shape]):

@@ -71,7 +71,7 @@ def test_a_solid_and_a_body_without_rows_have_none(block, hung):
 
 @pytest.mark.parametrize("radius", [0.006, 0.012])
 def test_a_soft_rope_bends_under_its_own_weight_over_a_length_that_it_is_thick(radius, thick_rope):
-    """A cantilever of length l droops by w l⁴ / 8 B: by an eighth of that, if it is as long as it is thick."""
+    """A cantilever of length l droops by w l⁴ / 8 B: an eighth of that, where it is as long as thick."""
     seen, middle = thick_rope(2, radius=radius)
     body = body_of(seen, "rope")
     stiffness = float(slight_bending(body, WEIGHT).value("bending_stiffness")[0])
