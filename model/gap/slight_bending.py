@@ -41,15 +41,15 @@ def slight_bending(body: Body, weight: float, share: Tensor | float = 1.0) -> Sl
         return None
     return SlightBending(
         torch.from_numpy(triples),
-        bending_stiffness=share * _usual(body, weight) * torch.ones(len(triples)),
+        bending_stiffness=_usual(body, weight, share) * torch.ones(len(triples)),
         span=spans(body.points, triples),
         rest_turn=torch.from_numpy(turns(body.points, triples)),
     )
 
 
-def _usual(body: Body, weight: float) -> float:
-    """Of a thin rope or sheet like most, or of a rope as thick as it is [N·m²]."""
+def _usual(body: Body, weight: float, share: Tensor | float) -> Tensor | float:
+    """That share of what a thin rope or sheet has, or a rope as thick as it is [N·m²]."""
     length = size_of(body.points)
     if body.aside is not None:
-        return THICK * weight / length * (2.0 * body.aside.radius) ** 3
-    return SLIGHT[body.shape] * weight * length * (length if body.shape == "rope" else body.spacing)
+        return share * THICK * weight / length * (2.0 * body.aside.radius) ** 3
+    return share * SLIGHT[body.shape] * weight * length * (length if body.shape == "rope" else body.spacing)

@@ -7,6 +7,8 @@ from jaxtyping import Float64, Int64
 
 from model.types import Array
 
+LOWEST = 0.1
+"""Share of the line below which it lies, if any of it does."""
 BESIDE = 2
 """Points of the line, before and behind the nearest one, that say how a rope runs there."""
 
@@ -60,13 +62,16 @@ class Aside:
     def height(self, points: Float64[Array, "P 3"], ground: float | None) -> float:
         """How far above the ground the line of a rope that lies on it is [m]: as the skin is away from it.
 
-        Less where some of the line is nearer to the ground in this pose, which nothing lifts from there.
+        Less where some of the line is nearer to the ground in this pose, which nothing lifts from there: more
+        than what an end or two are off.
 
         Args:
             points: Of the line [m].
             ground: Its height [m]; None: there is none.
         """
-        return 0.0 if ground is None else max(0.0, min(self.radius, float(points[:, 2].min()) - ground))
+        if ground is None:
+            return 0.0
+        return max(0.0, min(self.radius, float(np.quantile(points[:, 2], LOWEST)) - ground))
 
     def rolled(self, turn: Float64[Array, "3 3"]) -> "Aside":
         """The same of a body that is turned as a whole, by this matrix of rotation."""

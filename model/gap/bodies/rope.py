@@ -16,7 +16,7 @@ ROPE_POINTS = 45
 APART = 0.5
 """Of the distance of mass points: what is seen nearer to each other along a rope is one. The spring between
 would be stiff and light, need the finest time steps of all, and be as long as noise makes it."""
-THICK = 2.0
+THICK = 1.3
 """Times the noise that places are away from the middle line of a rope that is more than a line."""
 WINDOW, PASSES, STAYS = 24, 6, 0.05
 """Places along a thick rope by which its middle is told at each mark; how often that is moved to where it is

@@ -53,7 +53,8 @@ def test_few_places_are_a_line_of_their_own(thick_rope):
 
 def test_the_middle_of_a_rope_that_lies_is_above_the_ground(thick_rope):
     body = body_of(thick_rope(7, lying=True)[0], "rope")
-    assert 0.006 < body.above <= body.points[:, 2].min()
+    assert 0.006 < body.above < 0.011
+    assert body.above == pytest.approx(np.quantile(body.points[:, 2], 0.1), abs=0.002)
 
 
 def test_places_farther_from_a_line_than_noise_makes_them_are_on_a_skin():
@@ -62,7 +63,7 @@ def test_places_farther_from_a_line_than_noise_makes_them_are_on_a_skin():
     beside = np.stack(
         [rng.uniform(-0.1, 1.1, 60), 0.003 * rng.normal(size=60), 0.003 * rng.normal(size=60)], 1
     )
-    assert is_thick(beside, line, 0.001)
+    assert is_thick(beside, line, 0.002)
     assert not is_thick(beside, line, 0.004)
     assert not is_thick(beside, line[:1], 0.001)
     beside[:40] = np.nan
