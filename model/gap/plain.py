@@ -10,6 +10,7 @@ from jaxtyping import Float, Float64, Int64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from model.gap.bodies.aside import Skin
 from model.gap.bodies.body import Body
 from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
@@ -17,7 +18,7 @@ from model.gap.bodies.hold import Hold
 from model.gap.carried import carrying_able
 from model.gap.effects.base import Quantity
 from model.gap.prestress import Rest, resting
-from model.gap.sight import Sight, Skin
+from model.gap.sight import Sight
 from model.gap.slight_bending import slight_bending
 from model.gap.world import World
 from model.gap.wrinkling import SLACKNESS, wrinkling

@@ -2,40 +2,10 @@
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from model.gap.bodies.aside import LEAST, Aside
-
-
-@dataclass(frozen=True)
-class Skin:
-    """Places on the skin of a rope, beside the line of its points: see `Aside`."""
-
-    offset: Float[Tensor, "N 3"]
-    """From the line [m], in the pose in which it runs `along`."""
-    along: Float[Tensor, "N 3"]
-    ends: Int[Tensor, "N 2"]
-    """The points by which the line's direction is told."""
-
-    @classmethod
-    def of(cls, aside: Aside, dtype: torch.dtype) -> "Skin":
-        """Of a body, in these numbers."""
-        offset, along = (torch.from_numpy(one).to(dtype) for one in (aside.offset, aside.along))
-        return cls(offset, along, torch.from_numpy(aside.ends))
-
-    def __call__(self, points: Float[Tensor, "*b P 3"]) -> Float[Tensor, "*b N 3"]:
-        """The offsets [m] where the line's points are at `points` [m]."""
-        first, last = (points[..., end, :] for end in self.ends.unbind(1))
-        way = last - first
-        now = way / way.norm(dim=-1, keepdim=True).clamp_min(1e-12)
-        before, offset = self.along.expand(now.shape), self.offset.expand(now.shape)
-        axis = torch.linalg.cross(before, now)
-        cosine = (before * now).sum(-1, keepdim=True)
-        lean = (axis * offset).sum(-1, keepdim=True) / (1.0 + cosine).clamp_min(LEAST)
-        turned: Tensor = cosine * offset + torch.linalg.cross(axis, offset) + lean * axis
-        return turned
+from model.gap.bodies.aside import Skin
 
 
 @dataclass(frozen=True)

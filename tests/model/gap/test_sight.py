@@ -3,9 +3,9 @@
 import numpy as np
 import torch
 
-from model.gap.bodies.aside import Aside
+from model.gap.bodies.aside import Aside, Skin
 from model.gap.bodies.body import between
-from model.gap.sight import Sight, Skin
+from model.gap.sight import Sight
 
 
 def test_a_place_is_a_weighted_mean_of_points():
