@@ -42,6 +42,9 @@ LEAST_FRAMES = 6
 UNBENT = 0.3
 """How much mass points are moved alike, against where the observed points are seen: those that nobody sees go
 with their neighbours, and noise does not crumple the body."""
+STRAIGHT = 4.0
+"""The same of the line of a thick rope, of which more is seen than its points are many. A rope that is stiff
+along itself flies apart where noise of a few millimetres strains its short springs."""
 AGAIN = 5
 """Times that the line within a skin is laid anew."""
 SAME_HAND = 0.5
@@ -265,8 +268,8 @@ def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3
     index, weight = body.index[both], body.weight[both]
     sight = np.zeros((len(index), len(points)))
     np.add.at(sight, (np.arange(len(index))[:, None], index), weight)
-    uneven = UNBENT * _unevenness(body)
     aside = None if body.aside is None else body.aside.rolled(turn.as_matrix())
+    uneven = (UNBENT if aside is None else STRAIGHT) * _unevenness(body)
     # where a line is that runs within a skin is known once it is known how it runs
     for _ in range(1 if aside is None else AGAIN):
         line = there if aside is None else there - aside.turned(points)[both]
