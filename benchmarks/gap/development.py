@@ -5,14 +5,16 @@ import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
+from typing import get_args
 
 import torch
 
 from model.crew import crew
 from model.gap.benchmark.labels import PLAIN, Label, open_labels
+from model.gap.bodies.guess import Shape
 
 HEALTHY = "null"
-KINDS = ("rope", "sheet", "solid")
+KINDS: tuple[Shape, ...] = get_args(Shape)
 
 
 def healthy_worlds(description: str | None, arguments: list[str] | None) -> list[tuple[Path, Label]]:

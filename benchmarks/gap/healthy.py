@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.gap.development import healthy_worlds
+from benchmarks.gap.development import KINDS, healthy_worlds
 from model.gap.benchmark.labels import Label
 from model.gap.forecast import forecast
 from model.gap.study import study
@@ -78,12 +78,12 @@ def main(arguments: list[str] | None = None) -> int:
         rows.append(row)
         numbers = " | ".join(f"{value:.1f}" for value in row.numbers)
         print(f"| {row.world} | {row.object} | {row.interaction} | {numbers} |", flush=True)
-    for name in ("rope", "sheet", "solid"):
+    for name in KINDS:
         some = [row.numbers for row in rows if row.object == name]
         if some:
             numbers = " | ".join(f"{value:.1f}" for value in np.median(some, axis=0))
             print(f"| median of {len(some)} | {name} | | {numbers} |")
-    for name in ("rope", "sheet", "solid"):
+    for name in KINDS:
         left = np.log([row.left for row in rows if row.object == name])
         if len(left) > 1:
             print(f"{name}: ln of what is left {left.mean():.2f} ± {left.std(ddof=1):.2f}")
