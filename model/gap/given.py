@@ -18,8 +18,9 @@ from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import is_line, is_thick
 from model.gap.by_graph import by_graph
 from model.gap.graph import Graph
+from model.gap.matter import Matter
 from model.gap.noise import noise_of
-from model.gap.plain import Matter, PlainTwin
+from model.gap.plain import PlainTwin
 from model.gap.registration import onto_twin
 from model.gap.same_hand import led
 from model.observation_doubts import hangs

@@ -11,7 +11,7 @@ from model.simulator.structure import rows, spans, turns
 SLIGHT = {"rope": 2e-6, "sheet": 7e-4}
 """Of a rope over weight times length squared, of a sheet over weight times length times spacing: as of thin
 cotton, which 1 to 5 % of its length bend under their own weight."""
-THICK = 1.0
+SLIGHT_THICK = 1.0
 """Of a rope of which it is seen how thick it is, over weight per length times the cube of that: a soft one
 bends under its own weight over a length that it is thick."""
 
@@ -51,5 +51,5 @@ def _usual(body: Body, weight: float, share: Tensor | float) -> Tensor | float:
     """That share of what a thin rope or sheet has, or a rope as thick as it is [N·m²]."""
     length = size_of(body.points)
     if body.aside is not None:
-        return share * THICK * weight / length * (2.0 * body.aside.radius) ** 3
+        return share * SLIGHT_THICK * weight / length * (2.0 * body.aside.radius) ** 3
     return share * SLIGHT[body.shape] * weight * length * (length if body.shape == "rope" else body.spacing)

@@ -12,7 +12,8 @@ from model.gap.diagnosis import Diagnosis
 from model.gap.effects import BendingStiffness, QuadraticAirDrag, SelfContact, SteadyWind
 from model.gap.given import given_twin
 from model.gap.hypothesis import Hypothesis
-from model.gap.plain import MASS, PlainTwin
+from model.gap.matter import MASS
+from model.gap.plain import PlainTwin
 from model.gap.result import DiagnosisResult
 from model.gap.slight_bending import slight_bending
 from model.gap.write_back import cannot_act, twin_of, with_findings
