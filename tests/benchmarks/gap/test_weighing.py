@@ -85,9 +85,17 @@ def test_a_faint_effect_is_not_learned_from_and_nothing_missing_is():
 
 def test_worlds_too_faint_to_learn_from_are_not_diagnosed(tmp_path, capsys):
     label = {"world": "faint", "effects": [], "accepted": ["wind"], "generator": "mujoco", "magnitude": 0.5}
+    label |= {"kind": "rope"}
     write_labels(tmp_path, [label], sealed=False)
     assert main(["gather", str(tmp_path), "--out", str(tmp_path / "told")]) == 0
     assert "1 of 1 worlds are too faint to learn from" in capsys.readouterr().out
+    assert list((tmp_path / "told").iterdir()) == []
+
+
+def test_objects_of_other_kinds_are_not_diagnosed(tmp_path, capsys):
+    label = {"world": "cloth", "kind": "sheet", "effects": [], "accepted": ["none"], "generator": "mujoco"}
+    write_labels(tmp_path, [label], sealed=False)
+    assert main(["gather", str(tmp_path), "--kind", "rope", "--out", str(tmp_path / "told")]) == 0
     assert list((tmp_path / "told").iterdir()) == []
 
 
