@@ -30,7 +30,7 @@ def healthy_worlds(description: str | None, arguments: list[str] | None) -> list
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("worlds", type=Path, nargs="+")
-    parser.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS, help="of objects, these alone")
+    ask_kinds(parser)
     options = parser.parse_args(arguments)
     folders: list[Path] = options.worlds
     labels = [(folder, label) for folder in folders for label in open_labels_of(folder, parser, "it asks of")]
@@ -38,6 +38,11 @@ def healthy_worlds(description: str | None, arguments: list[str] | None) -> list
     torch.set_num_threads(1)
     healthy = [(folder, label) for folder, label in labels if label["category"] == HEALTHY]
     return [(folder, label) for folder, label in healthy if label["kind"] in options.kind]
+
+
+def ask_kinds(parser: argparse.ArgumentParser) -> None:
+    """The option that leaves out objects of other kinds."""
+    parser.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS, help="of objects, these alone")
 
 
 def open_labels_of(folder: Path, parser: argparse.ArgumentParser, what: str) -> list[Label]:

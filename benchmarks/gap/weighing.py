@@ -29,7 +29,7 @@ from jaxtyping import Float64
 from scipy.optimize import minimize
 from scipy.special import logsumexp
 
-from benchmarks.gap.development import KINDS, done_by, open_labels_of
+from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
 from model.gap.account import MEANING, Account
 from model.gap.benchmark.labels import Label, open_labels
 from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
@@ -286,7 +286,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     gathering = commands.add_parser("gather", help="diagnose development worlds")
     gathering.add_argument("worlds", type=Path)
-    gathering.add_argument("--kind", choices=KINDS, nargs="+", default=KINDS, help="of objects, these alone")
+    ask_kinds(gathering)
     gathering.add_argument("--out", type=Path, required=True)
     gathering.add_argument("--workers", type=int, default=2)
     opening = commands.add_parser("opened", help="test worlds that a check has opened")

@@ -314,3 +314,19 @@ def grounded(hung):
     other = transferred(study, _studied(hung).observation)
     sticky = {f"static_friction.{name}": q.start for name, q in StaticFriction.quantities.items()}
     return study, other, _twin(study, (StaticFriction(),), sticky)
+
+
+@pytest.fixture
+def chain():
+    """A function: a recording of a rope that so many hands hold, of which the last is shaken."""
+    return _chain
+
+
+def _chain(hands: int) -> Observation:
+    times = np.arange(30) / 30
+    places = np.column_stack([np.linspace(0.0, 0.6, 40), np.zeros(40), np.ones(40)])
+    points = np.repeat(places[None], 30, 0)
+    held = places[np.linspace(0, 39, hands).round().astype(int)]
+    controllers = np.repeat(held[None], 30, 0)
+    controllers[:, -1, 1] += 0.02 * np.sin(9.0 * times)
+    return Observation(times, points.astype(np.float32), controllers.astype(np.float32))

@@ -39,17 +39,6 @@ def test_a_few_flat_markers_with_no_three_in_a_row_have_a_twin():
         assert made.points.shape[1] == pytest.approx(6, abs=1)
 
 
-def chain(hands: int) -> Observation:
-    """A rope that so many hands hold, of which the last is shaken."""
-    times = np.arange(30) / 30
-    places = np.column_stack([np.linspace(0.0, 0.6, 40), np.zeros(40), np.ones(40)])
-    points = np.repeat(places[None], 30, 0)
-    held = places[np.linspace(0, 39, hands).round().astype(int)]
-    controllers = np.repeat(held[None], 30, 0)
-    controllers[:, -1, 1] += 0.02 * np.sin(9.0 * times)
-    return Observation(times, points.astype(np.float32), controllers.astype(np.float32))
-
-
 def moved(twin: PlainTwin, **values: float) -> np.ndarray:
     """Where the springs of the hands end in each frame [m]."""
     known = {name: torch.tensor(q.start).double() for name, q in twin.quantities.items()}
@@ -59,7 +48,7 @@ def moved(twin: PlainTwin, **values: float) -> np.ndarray:
     return controls.numpy()
 
 
-def test_a_hand_may_be_elsewhere_than_it_was_measured_to_be():
+def test_a_hand_may_be_elsewhere_than_it_was_measured_to_be(chain):
     """From soon after the first frame on, all that it holds, and nothing that the other one does."""
     observation = chain(2)
     twin = PlainTwin.of(body_of(observation), observation)
@@ -79,7 +68,7 @@ def test_a_hand_may_be_elsewhere_than_it_was_measured_to_be():
     assert (np.diff(away[:, second, 1], axis=0) >= -1e-12).all()
 
 
-def test_many_worlds_have_their_hands_each_elsewhere():
+def test_many_worlds_have_their_hands_each_elsewhere(chain):
     observation = chain(2)
     twin = PlainTwin.of(body_of(observation), observation)
     some = {name: [q.start, q.start] for name, q in twin.quantities.items()} | {"hand_1_x": [0.0, 0.003]}
@@ -101,7 +90,7 @@ def firmness(twin: PlainTwin, **values: float | list[float]) -> np.ndarray:
     return (stiffness / stiffness.amax(-1, keepdim=True)).numpy()
 
 
-def test_a_hand_may_hold_the_body_elsewhere_than_its_controllers_are():
+def test_a_hand_may_hold_the_body_elsewhere_than_its_controllers_are(chain):
     """Farther along the rope, where it is firmest then; the other one holds as before."""
     observation = chain(2)
     twin = PlainTwin.of(body_of(observation), observation)
@@ -142,14 +131,14 @@ def test_what_is_held_beside_its_middle_hangs_askew():
     assert sunk(-0.02) == pytest.approx(-sunk(0.02), rel=0.2)
 
 
-def test_of_many_hands_none_is_taken_to_be_elsewhere():
+def test_of_many_hands_none_is_taken_to_be_elsewhere(chain):
     observation = chain(3)
     twin = PlainTwin.of(body_of(observation), observation)
     assert not [name for name in twin.quantities if name.startswith((HAND, HOLD))]
     np.testing.assert_allclose(moved(twin)[0, :, 0], twin.controls[0, :, 0], atol=0.02)
 
 
-def test_a_hand_that_nothing_goes_with_holds_nothing_and_says_how_far_it_is():
+def test_a_hand_that_nothing_goes_with_holds_nothing_and_says_how_far_it_is(chain):
     """Within arm's reach of the end, and beyond it: but the end is held by another, and stays where it is."""
     observation = chain(2)
     far = np.array([0.85, 0.0, 1.0]) + 0.3 * np.sin(9.0 * observation.times)[:, None] * [0.0, 1.0, 0.0]
