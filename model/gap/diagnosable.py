@@ -1,13 +1,12 @@
 """Whether an observation can be diagnosed at all, and whether another one can confirm what it says."""
 
 import numpy as np
-from jaxtyping import Float32, Float64
-from scipy.spatial import cKDTree
+from jaxtyping import Float32
 
 from model.errors import InputError
-from model.gap.bodies.first import first_places
 from model.gap.bodies.let_go import NOISY
 from model.gap.noise import noise_of
+from model.gap.same_points import same_points
 from model.gap.study import HELD_OUT, PATIENCE
 from model.gap.transfer import LOOKED_AT, SETTLING
 from model.observation_doubts import LONG_STEP, SHORT, aslant, hangs, object_size
@@ -24,10 +23,6 @@ PAUSE = 10.0
 """Times as long as the usual interval: all frames would be simulated as finely as the longest needs."""
 BURIED = 0.25
 """Share of its size by which the middle of an object may be below the ground: heights are measured badly."""
-NEIGHBOURS = 4
-OTHER = 2.0
-"""Neighbours that are so many times as far apart in another recording, or as near, are not the same points:
-half of all are, where points were tracked in another order or on another object."""
 REPEATED = 0.5
 """Share of frames of the first recording in another one above which that is a part of the first."""
 SAME, ASKED = 0.3, 64
@@ -35,7 +30,6 @@ SAME, ASKED = 0.3, 64
 motion are not; and the points that are asked."""
 LOST = 0.05
 """How far [m] a track that is at the origin in some frames alone is from there in the next, to be lost."""
-ALIKE = "give one in which the same points were tracked, in the same order"
 
 
 def check_diagnosable(observation: Observation, name: str) -> None:
@@ -83,61 +77,49 @@ def check_transfer(observation: Observation, transfer: Observation, name: str) -
         name: What the message calls it.
 
     Raises:
-        InputError: it is the same recording, or one of other points, or too little is seen in it.
+        InputError: it is the same recording, or too little is seen in it.
     """
     settled = int(np.searchsorted(transfer.times - transfer.times[0], SETTLING * PATIENCE))
     first = min(max(settled, round(LOOKED_AT * len(transfer.times))), len(transfer.times) // 2)
     _check_split(transfer, first, FOUND, name)
-    check_same_points(observation, transfer, name)
     if _repeated(observation, transfer) > REPEATED:
         raise InputError(
             f"{name}: points: expected another interaction with the object, found the same motion again, "
             "which confirms nothing: leave it out, or give another recording"
         )
-    ratio = _farther(first_places(observation), first_places(transfer))
-    if len(ratio) and np.median(np.abs(np.log(ratio))) > np.log(OTHER):
-        raise InputError(
-            f"{name}: points: expected those of the first recording, found that most neighbours there are "
-            f"{OTHER:g} times nearer or farther here: {ALIKE}"
-        )
 
 
 def _repeated(observation: Observation, transfer: Observation) -> float:
-    """Share of the frames of another recording that are frames of the first, but for rounding."""
-    count = observation.points.shape[1]
-    asked = np.unique(np.linspace(0, count - 1, min(count, ASKED)).astype(int))
-    known, again = _shown(observation)[:, asked], _shown(transfer)[:, asked]
+    """Share of the frames of another recording that are frames of the first, but for rounding.
+
+    Told by points that both show, else by the hand, in frames in which it moves.
+    """
     limit = SAME * noise_of(observation)
+    if same_points(observation, transfer):
+        count = observation.points.shape[1]
+        asked = np.unique(np.linspace(0, count - 1, min(count, ASKED)).astype(int))
+        return _again(_shown(observation)[:, asked], _shown(transfer)[:, asked], limit)
+    known, again = observation.controllers, transfer.controllers
+    if not again.shape[1] or known.shape[1] != again.shape[1]:
+        return 0.0
+    moves = np.linalg.norm(np.diff(again, axis=0), axis=-1).max(1) > limit
+    return _again(known, again[1:][moves], limit)
+
+
+def _again(known: Float32[Array, "F n 3"], again: Float32[Array, "G n 3"], limit: float) -> float:
+    """Share of some frames that are nearer to one of others than a limit [m]."""
     nearest = []
     for frame in again:
         away = np.linalg.norm(known - frame, axis=-1)
         away = away[np.isfinite(away).any(1)]
         nearest.append(float(np.nanmedian(away, axis=1).min()) if len(away) else np.inf)
-    return float(np.mean(np.array(nearest) <= limit))
+    return float(np.mean(np.array(nearest) <= limit)) if nearest else 0.0
 
 
 def _shown(observation: Observation) -> Float32[Array, "F N 3"]:
     """The frames in which anything is seen."""
     shown: Float32[Array, "F N 3"] = observation.points[np.isfinite(observation.points[..., 0]).any(1)]
     return shown
-
-
-def check_same_points(observation: Observation, transfer: Observation, name: str) -> None:
-    """Refuse another recording that has not as many points.
-
-    Args:
-        observation: What is diagnosed.
-        transfer: What is to confirm it.
-        name: What the message calls it.
-
-    Raises:
-        InputError: it has more points, or fewer.
-    """
-    count, other = observation.points.shape[1], transfer.points.shape[1]
-    if count != other:
-        raise InputError(
-            f"{name}: points: expected the {count} of the first recording, found {other}: {ALIKE}"
-        )
 
 
 def check_enough(observation: Observation, name: str) -> None:
@@ -247,17 +229,3 @@ def _check_ground(observation: Observation, name: str) -> None:
             f"{name}: ground_height: expected a ground under the object, found {ground:.3g} m, the object "
             f"at {height:.3g} m: is z up?"
         )
-
-
-def _farther(before: Float64[Array, "N 3"], after: Float64[Array, "N 3"]) -> Float64[Array, " k"]:
-    """How many times as far apart neighbours of one recording are in the other; empty where none is seen."""
-    both = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
-    here, there = before[both], after[both]
-    count = min(NEIGHBOURS + 1, len(here))
-    if count < 2:
-        return np.zeros(0)
-    near = cKDTree(here).query(here, k=count)[1][:, 1:]
-    apart = [np.linalg.norm(each[near] - each[:, None], axis=-1).ravel() for each in (here, there)]
-    least = 1e-3 * max(float(np.median(apart[0])), 1e-9)
-    ratio: Float64[Array, " k"] = np.maximum(apart[1], least) / np.maximum(apart[0], least)
-    return ratio

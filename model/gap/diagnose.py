@@ -60,7 +60,7 @@ def diagnose(
     Args:
         observation: What really moved.
         twin: What it is compared with; None: made from the observation.
-        transfer: Another interaction with the same object, the same points tracked.
+        transfer: Another interaction with the same object, the same points tracked or others.
         progress: Told what is done next and what share of the whole is done.
 
     Raises:

@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from model.gap.bodies.let_go import let_go
 from model.gap.bodies.neighbours import covering_points
-from model.gap.diagnosable import POINTS, check_diagnosable, check_enough, check_same_points, check_transfer
+from model.gap.diagnosable import POINTS, check_diagnosable, check_enough, check_transfer
+from model.gap.same_points import same_points
 from model.gap.schema import GapReport, PartShare
 from model.types import Array, Observation
 
@@ -62,7 +63,9 @@ class Taken:
         return cls(whole, taken, first, kept, stands_in)
 
     def other(self, whole: Observation, name: str) -> Observation:
-        """What is taken of another recording of the object, to confirm what this one says: the same points.
+        """What is taken of another recording of the object, to confirm what this one says.
+
+        The same points, if those were tracked.
 
         Args:
             whole: Within its contract.
@@ -71,9 +74,9 @@ class Taken:
         Raises:
             InputError: as `check_diagnosable` and `check_transfer` do.
         """
-        check_same_points(self.whole, whole, name)
         check_enough(whole, name)
-        taken = _shown(points_of(whole, self.kept), name)[0]
+        kept = self.kept if same_points(self.whole, whole) else _covering(whole)[0]
+        taken = _shown(points_of(whole, kept), name)[0]
         check_transfer(self.observation, taken, name)
         return taken
 

@@ -1,4 +1,4 @@
-"""A fitted body in another recording of the same object, in which the same points were tracked."""
+"""A fitted body in another recording of the same object."""
 
 import warnings
 from collections.abc import Mapping
@@ -9,9 +9,7 @@ import numpy as np
 import torch
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
-from model.errors import InputError
 from model.gap.bodies.body import Body, between, grip_of, with_skin
 from model.gap.bodies.hand import steadied
 from model.gap.bodies.hidden import hiding
@@ -25,7 +23,10 @@ from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
 from model.gap.plain import HAND, HOLD, PlainTwin
+from model.gap.posed import posed
+from model.gap.posed_by_shape import posed_by_shape
 from model.gap.prestress import Rest
+from model.gap.same_points import same_points
 from model.gap.study import LEAST_NOISE, PATIENCE, STEPS, Study
 from model.gap.world import World
 from model.simulator.system import State
@@ -39,14 +40,6 @@ RECORDINGS_OWN = ("grip", "reach", "prestress", HAND, HOLD)
 """How quantities begin that are of a recording, not of the object."""
 LEAST_FRAMES = 6
 """Fewer tell nothing."""
-UNBENT = 0.3
-"""How much mass points are moved alike, against where the observed points are seen: those that nobody sees go
-with their neighbours, and noise does not crumple the body."""
-STRAIGHT = 4.0
-"""The same of the line of a thick rope, of which more is seen than its points are many. A rope that is stiff
-along itself flies apart where noise of a few millimetres strains its short springs."""
-AGAIN = 5
-"""Times that the line within a skin is laid anew."""
 SAME_HAND = 0.5
 """Grasps: controllers this near to where the body takes those of the first recording hold the same."""
 
@@ -159,15 +152,19 @@ def transferred(study: Study, observation: Observation) -> Transferred:
 
     Rest shape, masses and rest lengths are those of the first recording. The first frame may show another
     pose: the body is turned and shifted onto it as a whole, then the mass points move to where the observed
-    points are seen, each much like those it is joined to, and it starts at rest. What the hand holds is found
-    anew.
+    points are seen, each much like those it is joined to, and it starts at rest. Where other points were
+    tracked the shape of the object says where that is. What the hand holds is found anew.
 
     Raises:
-        InputError: other points were tracked, or too few of them are seen in both.
+        InputError: too few points are seen in both, or what is seen there is another object.
     """
     twin = study.plain.twin
     here, there = rest_places(study.observation), rest_places(observation)
-    points = _posed(twin.body, _sure(here, study.observation), _sure(there, observation))
+    if same_points(study.observation, observation):
+        points = posed(twin.body, _sure(here, study.observation), _sure(there, observation))
+    else:
+        points = posed_by_shape(twin.body, study.observation, observation)
+        here = np.full_like(there, np.nan)  # none of the points is one of the first recording
     body = _told_there(twin.body, here, there, points, observation.ground_height)
     twin = replace(twin, body=body)
     turned = _held_alike(twin, study.observation, observation, points)
@@ -230,13 +227,16 @@ def _told_there(
 
     Args:
         body: Of the first recording.
-        here: Places of the observed points in its first frame [m]; NaN: never seen.
+        here: Places of the other's points in the first one's first frame [m]; NaN: never seen there.
         there: The same of the other recording.
         points: Mass points in the other recording's first frame [m].
         ground: Height of the ground there [m]; None: there is none.
     """
     new = np.isnan(here[:, 0]) & np.isfinite(there[:, 0])
-    if new.any():
+    if np.isnan(here).all():
+        index, weight = between(there, points)
+        body = replace(body, index=index, weight=weight)
+    elif new.any():
         index, weight = body.index.copy(), body.weight.copy()
         index[new], weight[new] = between(there[new], points)
         body = replace(body, index=index, weight=weight)
@@ -244,49 +244,6 @@ def _told_there(
         return body
     # how a rope is rolled about itself is another thing in each recording
     return with_skin(body, there, points, ground)
-
-
-def _posed(body: Body, before: Float64[Array, "N 3"], after: Float64[Array, "M 3"]) -> Float64[Array, "P 3"]:
-    """The mass points where the observed points say that they are [m]."""
-    if before.shape != after.shape:
-        raise InputError(
-            f"points: the other recording has {len(after)}, the first {len(before)}: "
-            "give one in which the same points were tracked, in the same order"
-        )
-    both = np.isfinite(before[:, 0]) & np.isfinite(after[:, 0])
-    if both.sum() < 3:
-        raise InputError(
-            "points: fewer than three are seen in both recordings: "
-            "give one in which the same points were tracked, in the same order"
-        )
-    here, there = before[both], after[both]
-    with warnings.catch_warnings():
-        # a straight rope may be rolled about itself by any angle, its points stay where they are
-        warnings.filterwarnings("ignore", "Optimal rotation", UserWarning)
-        turn = Rotation.align_vectors(there - there.mean(0), here - here.mean(0))[0]
-    points: Float64[Array, "P 3"] = turn.apply(body.points - here.mean(0)) + there.mean(0)
-    index, weight = body.index[both], body.weight[both]
-    sight = np.zeros((len(index), len(points)))
-    np.add.at(sight, (np.arange(len(index))[:, None], index), weight)
-    aside = None if body.aside is None else body.aside.rolled(turn.as_matrix())
-    uneven = (UNBENT if aside is None else STRAIGHT) * _unevenness(body)
-    # where a line is that runs within a skin is known once it is known how it runs
-    for _ in range(1 if aside is None else AGAIN):
-        line = there if aside is None else there - aside.turned(points)[both]
-        wanted = np.concatenate([line - sight @ points, np.zeros_like(points)])
-        moved: Float64[Array, "P 3"] = np.linalg.lstsq(np.concatenate([sight, uneven]), wanted, rcond=None)[0]
-        points = points + moved
-    return points
-
-
-def _unevenness(body: Body) -> Float64[Array, "P P"]:
-    """Of what is said of each mass point, the difference to the mean of those it is joined to."""
-    joined = np.zeros((len(body.points), len(body.points)))
-    joined[body.springs[:, 0], body.springs[:, 1]] = joined[body.springs[:, 1], body.springs[:, 0]] = 1.0
-    uneven: Float64[Array, "P P"] = np.eye(len(body.points)) - joined / np.maximum(
-        joined.sum(1, keepdims=True), 1.0
-    )
-    return uneven
 
 
 def _held_alike(

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.aside import Aside
+from model.gap.bodies.borne import is_borne
 from model.gap.bodies.guess import Shape, guess_shape
 from model.gap.bodies.hidden import hidden_points, hiding
 from model.gap.bodies.neighbours import pairs_within
@@ -79,13 +80,19 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     controllers = observation.controllers[0].astype(np.float64)
     if shape in (None, "solid") and held_from_afar(observation, places):
         return _reaching(seen, controllers, scale)
-    shape = shape or guess_shape(places)
+    shape = shape or _guessed(observation, places)
     points, springs, spacing = _joined(shape, seen, observation, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
     body = Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
     thick = shape == "rope" and is_thick(seen, points, noise_of(observation))
     return with_skin(body, seen, points, observation.ground_height) if thick else body
+
+
+def _guessed(observation: Observation, places: Float64[Array, "N 3"]) -> Shape:
+    """By how its points lie; a sheet that is borne from below is one side of a solid."""
+    shape = guess_shape(places)
+    return "solid" if shape == "sheet" and is_borne(observation, places) else shape
 
 
 def with_skin(

@@ -107,6 +107,15 @@ def hung():
     )
 
 
+@pytest.fixture
+def egg():
+    """200 points all over an egg of 0.3 × 0.2 × 0.14 m, none of which is like another."""
+    i = np.arange(200) + 0.5
+    z, angle = 1 - i / 100, np.pi * (1 + 5**0.5) * i
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(angle) * 0.15, across * np.sin(angle) * 0.1, 0.07 * z], -1)
+
+
 @pytest.fixture(scope="session")
 def studied():
     """A function: what moves like a world with some effects, and the plain twin that lacks them, unfitted."""

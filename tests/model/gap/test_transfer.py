@@ -12,6 +12,7 @@ from model.gap.carried import record_of
 from model.gap.confirm import Fitted
 from model.gap.effects import GravityTilt, GroundAdhesion
 from model.gap.forecast import forecast
+from model.gap.taken import points_of
 from model.gap.transfer import transferred
 
 
@@ -84,10 +85,24 @@ def test_the_hand_of_the_other_recording_is_its_own(sheet):
     assert not set(found.own) & {"stiffness", "damping", "drag_rate"}
 
 
-def test_other_points_are_refused(sheet):
-    fewer = replace(sheet.observation, points=sheet.observation.points[:, :-1])
-    with pytest.raises(InputError, match="62, the first 63"):
-        transferred(sheet, fewer)
+def test_other_points_are_laid_on_the_body_by_its_shape(sheet):
+    colors = np.nan_to_num(1e3 * np.abs(sheet.observation.points[0] * [0.8, 1.0, 1.2])).astype(np.uint8)
+    sheet = replace(sheet, observation=replace(sheet.observation, colors=colors))
+    other = posed(sheet.observation, 0.02)
+    right = transferred(sheet, other)
+    order = np.random.default_rng(5).permutation(other.points.shape[1])[:-12]
+    with pytest.warns(UserWarning, match="was told by its shape alone"):
+        found = transferred(sheet, points_of(other, order))
+    away = (found.state.positions - right.state.positions).norm(dim=1)
+    assert float(away.median()) < 0.3 * sheet.plain.twin.body.spacing
+    made = found.twin.world({name: torch.tensor(value) for name, value in sheet.base.values.items()})
+    shown = made.sight(found.state.positions).double().numpy()
+    assert np.sqrt(np.mean((shown - other.points[0, order]) ** 2)) < 3e-3
+    assert len(found.twin.body.grip) == len(right.twin.body.grip)
+    assert (
+        found.forecast(sheet.plain, sheet.base.values).error
+        < 1.5 * right.forecast(sheet.plain, sheet.base.values).error
+    )
 
 
 def test_unseen_points_are_refused(sheet):
@@ -187,3 +202,17 @@ def test_the_line_of_a_thick_rope_is_found_however_it_is_rolled_and_bent(bend, r
     )
     expected = made.sight(found.state.positions.double()).numpy()
     assert np.sqrt(np.mean((expected - other.points[0]) ** 2)) < 1.5e-3
+
+
+def test_the_line_of_a_thick_rope_is_found_by_other_points_on_its_skin(thick_rope, studied):
+    study = studied(thick_rope(0, bend=0.0)[0])
+    other, middle = thick_rope(1, bend=1.2, roll=2.0, count=80)
+    with pytest.warns(UserWarning, match="was told by its shape alone"):
+        found = transferred(study, other)
+    line = found.state.positions.double().numpy()
+    assert cKDTree(middle).query(line)[0][2:-2].max() < 0.006
+    made = found.twin.world(
+        {name: torch.tensor(value).double() for name, value in study.base.values.items()}, torch.float64
+    )
+    shown = made.sight(found.state.positions.double()).numpy()
+    assert np.sqrt(np.mean((shown - other.points[0]) ** 2)) < 1.5e-3

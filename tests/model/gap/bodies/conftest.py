@@ -20,15 +20,6 @@ def cantilever() -> Callable[..., Observation]:
 
 
 @pytest.fixture
-def egg():
-    """200 points all over an egg of 0.3 × 0.2 × 0.14 m, none of which is like another."""
-    i = np.arange(200) + 0.5
-    z, angle = 1 - i / 100, np.pi * (1 + 5**0.5) * i
-    across = np.sqrt(1 - z**2)
-    return np.stack([across * np.cos(angle) * 0.15, across * np.sin(angle) * 0.1, 0.07 * z], -1)
-
-
-@pytest.fixture
 def ring():
     """220 points all over a ring of 0.2 m across its middle line, 0.06 m thick."""
     i = np.arange(220) + 0.5
