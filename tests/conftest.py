@@ -1,4 +1,4 @@
-"""Shared fixtures. Array shapes in annotations are checked by beartype while tests run."""
+"""Shared fixtures. Array shapes in annotations are checked by beartype while tests run, in first calls."""
 
 import contextlib
 import tempfile
@@ -8,12 +8,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import HealthCheck, settings
 from jaxtyping import install_import_hook
+
+from tests.typechecked import begin_test
 
 if TYPE_CHECKING:
     from model.scenes.case import Case
 
-install_import_hook(("model",), "beartype.beartype")
+install_import_hook(("model",), "tests.typechecked.first_calls")
+# how long an example takes says something of the machine alone
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
+
+
+def pytest_runtest_setup() -> None:
+    """Each test has its first calls."""
+    begin_test()
 
 
 def _film(

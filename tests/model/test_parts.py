@@ -173,7 +173,7 @@ def test_labels_are_ordered_by_size():
     assert (np.diff(sizes) <= 0).all()
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@settings(max_examples=25, derandomize=True)
 @given(
     count=st.integers(1, 7),
     seed=st.integers(0, 1000),

@@ -63,7 +63,7 @@ def test_a_straight_rope_that_bends_takes_its_skin_along(bend):
     assert np.abs(ignored - on_skin(bent, angle, at, around)).max() > 0.3 * RADIUS * min(1.0, abs(bend))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6))
 def test_rolled_and_turned_together_is_turned_as_a_whole(seed):
     rng = np.random.default_rng(seed)

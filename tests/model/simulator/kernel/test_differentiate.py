@@ -25,7 +25,7 @@ NUMBERS = st.floats(-2, 2).filter(lambda x: abs(x) > 0.05)
 
 
 @pytest.mark.parametrize("name", LAWS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(x=NUMBERS, y=NUMBERS)
 def test_derivatives_are_those_of_autograd(name, x, y):
     law = LAWS[name]

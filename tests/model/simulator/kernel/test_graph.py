@@ -48,7 +48,7 @@ def run(steps, start):
     return values[-1]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(programs(), st.tuples(*[st.floats(-2, 2).filter(lambda x: abs(x) > 0.05)] * 3))
 def test_values_are_those_of_torch(steps, point):
     graph = Graph()
