@@ -203,9 +203,6 @@ def test_a_front_of_many_starts_no_child_and_is_light(start, redis_url):
     assert int(re.search(r"VmHWM:\s+(\d+) kB", status)[1]) < 200_000
     maps = Path(f"/proc/{process.popen.pid}/maps").read_text()
     assert not any(f"/{name}/" in maps for name in HEAVY)
-    # Of a processor, whatever else the machine does; `benchmarks` has the time by the clock.
-    fields = Path(f"/proc/{process.popen.pid}/stat").read_text().rpartition(")")[2].split()
-    assert (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") < 2.0
     assert process.stop() == 0
 
 
