@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.gap.bodies.borne import is_borne
+from model.gap.bodies.body import shape_of
 from model.gap.bodies.guess import guess_shape
 from model.scenes.files import load_case, read_index
 
@@ -38,9 +38,8 @@ def told(folder: Path, most: int | None) -> Counter[tuple[str, str, str, str]]:
             case = load_case(path)
         seen = case.observation.points[0].astype(np.float64)
         seen = seen[np.isfinite(seen[:, 0])]
-        alone = guess_shape(seen)
-        borne = alone == "sheet" and is_borne(case.observation, seen)
-        counts[case.object_class, case.shape_class, alone, "solid" if borne else alone] += 1
+        alone, taken = guess_shape(seen), shape_of(case.observation, seen)
+        counts[case.object_class, case.shape_class, alone, taken] += 1
     return counts
 
 

@@ -17,12 +17,10 @@ from scipy.spatial.transform import Rotation
 from model.errors import InputError
 from model.gap.bodies.body import Body, body_of
 from model.gap.bodies.rope import is_line
+from model.gap.registration import TURNS, Motion, rigid_motion
 from model.gap.size import size_of
 from model.types import Array, Observation
 
-TURNS = np.arange(0.0, 2.0 * np.pi, np.pi / 6.0)
-"""About the vertical [rad], from which it is looked for, on this side and on the other; and from all ways in
-which its longest extents may go with those that are seen."""
 SETTLING = 15
 """Steps as a whole, from each of these."""
 STIFF = (30.0, 10.0, 3.0, 10.0)
@@ -52,8 +50,6 @@ class Laid(NamedTuple):
     """Its mass points there [m]."""
     off: float
     """How far they are from what is seen there, and that from them [m], root mean square."""
-    turn: Float64[Array, "3 3"]
-    """By which it was turned as a whole."""
 
 
 def posed_by_shape(body: Body, before: Observation, after: Observation) -> Float64[Array, "P 3"]:
@@ -123,7 +119,7 @@ def _along_line(body: Body, target: Body) -> list[Laid]:
             ahead = ahead / np.linalg.norm(ahead)
             points += np.clip(beyond, 0.0, None)[:, None] * ahead
         off = float(np.sqrt(np.mean(cKDTree(points).query(line)[0] ** 2)))
-        ways.append(Laid(points, off, _turned(body.points, points)))
+        ways.append(Laid(points, off))
     return ways
 
 
@@ -135,7 +131,11 @@ def _arc(line: Float64[Array, "n 3"]) -> Float64[Array, " n"]:
 
 
 def _on_shape(body: Body, target: Body) -> list[Laid]:
-    """A sheet or a solid on the points of the other: as a whole from all sides, then bent onto it."""
+    """A sheet or a solid on the points of the other: as a whole from all sides, then bent onto it.
+
+    From turns about the vertical, on this side and on the other, and from all ways in which its longest
+    extents may go with those that are seen.
+    """
     tree = cKDTree(target.points)
     sides = Rotation.from_rotvec([[0.0, 0.0, 0.0], [np.pi, 0.0, 0.0]])
     upright = [
@@ -143,13 +143,13 @@ def _on_shape(body: Body, target: Body) -> list[Laid]:
     ]
     here, there = (_extents(each.points) for each in (body, target))
     any_way = [there @ way.as_matrix() @ here.T for way in Rotation.create_group("O")]
-    starts = [*upright, *any_way]
-    whole = sorted((_settled(body.points, target.points, tree, start) for start in starts), key=_off)
-    apart: list[Laid] = []
-    for way in whole:
-        if len(apart) < CHOICES and all(_between(way.turn, known.turn) > APART for known in apart):
-            apart.append(way)
-    return [_bent(way, body, target.points, tree) for way in apart]
+    found = [_settled(body.points, target.points, tree, start) for start in (*upright, *any_way)]
+    found.sort(key=lambda motion: _pairs(motion(body.points), target.points, tree)[2])
+    apart: list[Motion] = []
+    for motion in found:
+        if len(apart) < CHOICES and all(_between(motion.rotation, known.rotation) > APART for known in apart):
+            apart.append(motion)
+    return [_bent(motion(body.points), body, target.points, tree) for motion in apart]
 
 
 def _extents(points: Float64[Array, "P 3"]) -> Float64[Array, "3 3"]:
@@ -157,10 +157,6 @@ def _extents(points: Float64[Array, "P 3"]) -> Float64[Array, "3 3"]:
     axes: Float64[Array, "3 3"] = np.linalg.svd(points - points.mean(0), full_matrices=False)[2].T
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     return axes
-
-
-def _off(way: Laid) -> float:
-    return way.off
 
 
 def _between(one: Float64[Array, "3 3"], other: Float64[Array, "3 3"]) -> float:
@@ -172,30 +168,28 @@ def _settled(
     points: Float64[Array, "P 3"],
     target: Float64[Array, "Q 3"],
     tree: cKDTree,
-    turn: Float64[Array, "3 3"],
-) -> Laid:
+    rotation: Float64[Array, "3 3"],
+) -> Motion:
     """From a rotation, middle on middle, the body as a whole, drawn to what is nearest both ways.
 
     Reference:
         Besl and McKay (1992), A method for registration of 3-D shapes, IEEE Transactions on Pattern Analysis
         and Machine Intelligence 14.
     """
-    middle = points.mean(0)
-    moved = (points - middle) @ turn.T + target.mean(0)
+    motion = Motion(rotation, target.mean(0) - rotation @ points.mean(0))
     for _ in range(SETTLING):
-        own, theirs, _ = _pairs(moved, target, tree)
-        turn = _turned(points[own], target[theirs])
-        moved = (points - points[own].mean(0)) @ turn.T + target[theirs].mean(0)
-    return Laid(moved, _pairs(moved, target, tree)[2], turn)
+        own, theirs, _ = _pairs(motion(points), target, tree)
+        motion = rigid_motion(points[own], target[theirs])
+    return motion
 
 
-def _bent(way: Laid, body: Body, target: Float64[Array, "Q 3"], tree: cKDTree) -> Laid:
-    """The same, bent onto the target: each point to what is nearest, all that is around it turned at most.
+def _bent(points: Float64[Array, "P 3"], body: Body, target: Float64[Array, "Q 3"], tree: cKDTree) -> Laid:
+    """A body at `points`, bent onto the target: each to what is nearest, all around it turned at most.
 
     Reference:
         Sorkine and Alexa (2007), As-rigid-as-possible surface modeling, Symposium on Geometry Processing.
     """
-    points, count = way.points, len(way.points)
+    count = len(points)
     here, there = body.springs.T
     edges = body.points[here] - body.points[there]
     joined = np.zeros((count, count))
@@ -213,7 +207,7 @@ def _bent(way: Laid, body: Body, target: Float64[Array, "Q 3"], tree: cKDTree) -
             np.add.at(shape, here, kept)
             np.add.at(shape, there, -kept)
             points = cho_solve(cho_factor(np.eye(count) + stiff * laplacian), drawn + stiff * shape)
-    return Laid(points, _pairs(points, target, tree)[2], way.turn)
+    return Laid(points, _pairs(points, target, tree)[2])
 
 
 def _local_turns(
@@ -242,17 +236,6 @@ def _pairs(
     back, own = cKDTree(points).query(target)
     pairs = np.concatenate([np.arange(len(points)), own]), np.concatenate([nearest, np.arange(len(target))])
     return *pairs, float(np.sqrt(np.mean(np.concatenate([far, back]) ** 2)))
-
-
-def _turned(here: Float64[Array, "n 3"], there: Float64[Array, "n 3"]) -> Float64[Array, "3 3"]:
-    """The rotation that brings points nearest to others, in the mean square."""
-    with warnings.catch_warnings():
-        # points in a row may be rolled by any angle
-        warnings.filterwarnings("ignore", "Optimal rotation", UserWarning)
-        turn: Float64[Array, "3 3"] = Rotation.align_vectors(there - there.mean(0), here - here.mean(0))[
-            0
-        ].as_matrix()
-    return turn
 
 
 def _chosen(ways: list[Laid], body: Body, before: Observation, after: Observation) -> tuple[Laid, str]:

@@ -102,7 +102,7 @@ def moved_alike(other: Observation, before: Observation, after: Observation) -> 
     seen = np.isfinite(here[:, 0]) & np.isfinite(there[:, 0])
     if before is after or np.array_equal(here[seen], there[seen]):
         return other
-    return moved(other, _kabsch(here[seen], there[seen]))
+    return moved(other, rigid_motion(here[seen], there[seen]))
 
 
 def _found(
@@ -145,11 +145,11 @@ def _settled(
     """
     motion = Motion(rotation, points.mean(0) - rotation @ seen.mean(0))
     for _ in range(STEPS):
-        motion = _kabsch(seen, points[tree.query(motion(seen))[1]])
+        motion = rigid_motion(seen, points[tree.query(motion(seen))[1]])
     return motion
 
 
-def _kabsch(here: Float64[Array, "N 3"], there: Float64[Array, "N 3"]) -> Motion:
+def rigid_motion(here: Float64[Array, "N 3"], there: Float64[Array, "N 3"]) -> Motion:
     """The rigid motion that brings points nearest to others, in the mean square."""
     middle, target = here.mean(0), there.mean(0)
     left, _, right = np.linalg.svd((there - target).T @ (here - middle))

@@ -162,10 +162,14 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     here, there = rest_places(study.observation), rest_places(observation)
     if same_points(study.observation, observation):
         points = posed(twin.body, _sure(here, study.observation), _sure(there, observation))
+        body = _told_there(twin.body, here, there, points)
     else:
         points = posed_by_shape(twin.body, study.observation, observation)
-        here = np.full_like(there, np.nan)  # none of the points is one of the first recording
-    body = _told_there(twin.body, here, there, points, observation.ground_height)
+        index, weight = between(there, points)
+        body = replace(twin.body, index=index, weight=weight)
+    if body.aside is not None:
+        # how a rope is rolled about itself is another thing in each recording
+        body = with_skin(body, there, points, observation.ground_height)
     twin = replace(twin, body=body)
     turned = _held_alike(twin, study.observation, observation, points)
     twin = turned or _held_anew(twin, observation, there, points)
@@ -215,35 +219,22 @@ def _sure(places: Float64[Array, "N 3"], observation: Observation) -> Float64[Ar
 
 
 def _told_there(
-    body: Body,
-    here: Float64[Array, "N 3"],
-    there: Float64[Array, "N 3"],
-    points: Float64[Array, "P 3"],
-    ground: float | None,
+    body: Body, here: Float64[Array, "N 3"], there: Float64[Array, "N 3"], points: Float64[Array, "P 3"]
 ) -> Body:
     """The body, of which points that were never seen in the first recording are where the other shows them.
 
-    So are all that are seen of a thick rope.
-
     Args:
         body: Of the first recording.
-        here: Places of the other's points in the first one's first frame [m]; NaN: never seen there.
+        here: Places of the observed points in its first frame [m]; NaN: never seen.
         there: The same of the other recording.
         points: Mass points in the other recording's first frame [m].
-        ground: Height of the ground there [m]; None: there is none.
     """
     new = np.isnan(here[:, 0]) & np.isfinite(there[:, 0])
-    if np.isnan(here).all():
-        index, weight = between(there, points)
-        body = replace(body, index=index, weight=weight)
-    elif new.any():
-        index, weight = body.index.copy(), body.weight.copy()
-        index[new], weight[new] = between(there[new], points)
-        body = replace(body, index=index, weight=weight)
-    if body.aside is None:
+    if not new.any():
         return body
-    # how a rope is rolled about itself is another thing in each recording
-    return with_skin(body, there, points, ground)
+    index, weight = body.index.copy(), body.weight.copy()
+    index[new], weight[new] = between(there[new], points)
+    return replace(body, index=index, weight=weight)
 
 
 def _held_alike(

@@ -80,7 +80,7 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     controllers = observation.controllers[0].astype(np.float64)
     if shape in (None, "solid") and held_from_afar(observation, places):
         return _reaching(seen, controllers, scale)
-    shape = shape or _guessed(observation, places)
+    shape = shape or shape_of(observation, places)
     points, springs, spacing = _joined(shape, seen, observation, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
@@ -89,8 +89,13 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     return with_skin(body, seen, points, observation.ground_height) if thick else body
 
 
-def _guessed(observation: Observation, places: Float64[Array, "N 3"]) -> Shape:
-    """By how its points lie; a sheet that is borne from below is one side of a solid."""
+def shape_of(observation: Observation, places: Float64[Array, "N 3"]) -> Shape:
+    """By how its points lie; a sheet that is borne from below is one side of a solid.
+
+    Args:
+        observation: Whose ground and hands count.
+        places: Points on the object in the first frame [m].
+    """
     shape = guess_shape(places)
     return "solid" if shape == "sheet" and is_borne(observation, places) else shape
 
