@@ -80,9 +80,11 @@ class Play:
             self.page.wait_for_timeout(50)
 
     def step_back(self, times):
-        """Look from so many times as far."""
+        """Look from so many times as far as the page does at first, once it does."""
         (client,) = self.playground.server.get_clients().values()
-        camera = client.camera
+        camera, first = client.camera, np.asarray(self.playground.server.initial_camera.position)
+        # A page connects before it looks where it is told to, and says where it looks when it connects.
+        self.wait(lambda: np.allclose(camera.position, first, atol=1e-2), "the first view")
         goal = np.asarray(camera.look_at) + times * (np.asarray(camera.position) - camera.look_at)
         camera.position = goal
         self.wait(lambda: np.allclose(client.camera.position, goal, atol=1e-3), "the view to change")
