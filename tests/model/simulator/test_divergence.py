@@ -77,9 +77,11 @@ def test_of_a_lossy_batch_only_those_that_diverge_are_lost(free, state):
     assert not lost[1, 3].any()
     for one in (0, 2):
         alone = Simulator(free, [Gravity(), Spring(stiffness[one])]).rollout(
-            state, frames=300, substeps=20, trusted=True
+            state, frames=100, substeps=20, trusted=True
         )
-        torch.testing.assert_close(rollout.points[:, one], alone.points)
+        # Roundings, which some processors make otherwise in a batch, double every third of a second.
+        torch.testing.assert_close(rollout.points[:100, one], alone.points)
+        assert not lost[:, one].any()
 
 
 def test_a_lossy_rollout_goes_on_when_all_is_lost_and_computes_nothing(free, state):
