@@ -19,7 +19,7 @@ MASS = 0.2
 LOOSEST = 1e-9
 """No point within a hand is held by less than this share of what the nearest one is: what bears its share of
 the weight must give way by a finite length."""
-SAME_HAND = 2.5
+ONE_HAND = 2.5
 """Grasps: controllers nearer than this belong to one hand."""
 CALM = {"rope": 1000.0, "sheet": 400.0, "solid": 0.0}
 """Of a body of which nothing is known, `bending_decay` [1/s]; of a sheet where a fit of it begins.
@@ -77,7 +77,7 @@ class Matter:
         way = body.points[body.springs[:, 1]] - body.points[body.springs[:, 0]]
         length: Float64[Array, " E"] = np.linalg.norm(way, axis=1)
         hands = observation.controllers[0].astype(np.float64)
-        hold = Hold.of(hands, body.points[body.grip[:, 1]], SAME_HAND * body.grasp)
+        hold = Hold.of(hands, body.points[body.grip[:, 1]], ONE_HAND * body.grasp)
         weight = MASS * max(float(np.linalg.norm(observation.gravity)), 1.0)
         start = {
             "stiffness": 30.0 * weight / body.spacing / max(1.0, len(body.points) ** 0.5),

@@ -16,7 +16,7 @@ from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
 from model.gap.carried import carrying_able
 from model.gap.effects.base import Quantity
-from model.gap.matter import SAME_HAND, Matter
+from model.gap.matter import ONE_HAND, Matter
 from model.gap.prestress import Rest, resting
 from model.gap.sight import Sight
 from model.gap.slight_bending import slight_bending
@@ -101,7 +101,7 @@ class PlainTwin:
         if matter is None:
             held = _reachable(body, observation)
             if len(held):
-                controls = held_places(controls, body.points[held], SAME_HAND * body.grasp)
+                controls = held_places(controls, body.points[held], ONE_HAND * body.grasp)
             body = replace(body, grip=np.stack([np.arange(len(held)), held], axis=1))
             matter = Matter.guessed(body, observation)
         bearing = np.zeros(len(body.points))
@@ -150,7 +150,7 @@ class PlainTwin:
         hands, body = self.observation.controllers[0].astype(np.float64), self.body
         if not len(hands):
             return []
-        return idle_hands(hands, body.points[body.grip[:, 1]], SAME_HAND * body.grasp)
+        return idle_hands(hands, body.points[body.grip[:, 1]], ONE_HAND * body.grasp)
 
     @property
     def quantities(self) -> dict[str, Quantity]:

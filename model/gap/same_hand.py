@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 from model.gap.bodies.grip import held_places
 from model.gap.bodies.hand import steadied
 from model.gap.graph import Graph
-from model.gap.matter import SAME_HAND as ONE_HAND
+from model.gap.matter import ONE_HAND
 from model.types import Array, Observation
 
 SAME_HAND = 2.0
