@@ -17,6 +17,7 @@ from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import chain, is_thick
 from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
+from model.gap.bodies.underside import underside
 from model.gap.noise import noise_of
 from model.types import Array, Observation
 
@@ -130,7 +131,12 @@ def _joined(
     """Points, springs and spacing [m], with what a hand hides."""
     if shape == "rope":
         return chain(seen, observation, scale)
-    points, spacing = (net if shape == "sheet" else lattice)(seen[np.isfinite(seen[:, 0])], scale)
+    places = seen[np.isfinite(seen[:, 0])]
+    if shape == "sheet":
+        points, spacing = net(places, scale)
+    else:
+        below = underside(observation, places)
+        points, spacing = lattice(np.concatenate([places, below]), scale)
     hands = observation.controllers[0, hiding(points, seen, observation, spacing)].astype(np.float64)
     points = np.concatenate([points, hidden_points(points, hands, shape, spacing)])
     return points, pairs_within(points, REACH[shape] * spacing, least=LEAST), spacing

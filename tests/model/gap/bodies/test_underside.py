@@ -1,0 +1,95 @@
+"""A solid that lies reaches the ground, whatever of it a camera saw."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from model.gap.bodies.body import body_of
+from model.gap.bodies.underside import underside
+from model.types import Observation
+
+HALVES = np.array([0.1, 0.08, 0.06])
+"""Half axes of an ellipsoid [m]."""
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def ball(rng, count=1600):
+    """Points all over an ellipsoid that lies on the ground, and normals there."""
+    ways = rng.normal(size=(count, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    normals = ways / HALVES
+    return ways * HALVES + [0.0, 0.0, HALVES[2]], normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def seen_from(degrees, rng, aside=(0.0, 0.0, 0.0)):
+    """What a camera sees of it that looks down by so much; moved to elsewhere."""
+    places, normals = ball(rng)
+    angle = np.radians(degrees)
+    return places[normals @ np.array([0.0, -np.cos(angle), np.sin(angle)]) > 0.1][::5] + np.array(aside)
+
+
+def observed(places, ground=0.0):
+    points = np.repeat(places[None].astype(np.float32), 4, 0)
+    return Observation(np.arange(4) / 30.0, points, np.zeros((4, 0, 3), np.float32), ground_height=ground)
+
+
+@pytest.mark.parametrize("degrees", [40, 60, 85])
+@pytest.mark.parametrize("ground", [0.0, -0.3])
+def test_what_is_seen_from_above_and_lies_reaches_the_ground(degrees, ground, rng):
+    places = seen_from(degrees, rng, (0.4, -0.2, ground))
+    found = underside(observed(places, ground), places)
+    assert len(found)
+    np.testing.assert_array_equal(found[:, 2], ground)
+    # beneath it, about as far as it goes, and not beyond
+    across = np.ptp(found[:, :2], axis=0) / (2 * HALVES[:2])
+    assert (across > 0.5).all()
+    assert (across < 1.0).all()
+    body = body_of(observed(places, ground), "solid")
+    assert body.points[:, 2].min() == pytest.approx(ground, abs=1e-6)
+    # what bears it is below its middle: it does not tip over
+    lying = body.points[body.points[:, 2] < ground + 0.3 * body.spacing]
+    middle = (body.share[:, None] * body.points).sum(0)
+    assert (lying[:, :2].min(0) < middle[:2]).all()
+    assert (lying[:, :2].max(0) > middle[:2]).all()
+
+
+def test_its_middle_is_where_that_of_the_whole_is(rng):
+    """Of what is seen alone, the middle is nearer to the camera and higher."""
+    seen, (whole, _) = seen_from(50, rng), ball(rng)
+    with_ground, alone = (body_of(observed(seen, ground), "solid") for ground in (0.0, None))
+    middle = whole.mean(0)
+    off = [np.linalg.norm(body.share @ body.points - middle) for body in (with_ground, alone)]
+    assert off[0] < 0.6 * off[1]
+
+
+def test_nothing_is_added_where_the_underside_is_seen_or_there_is_no_ground(rng):
+    whole, seen = ball(rng)[0] + [0.0, 0.0, 0.01], seen_from(50, rng)
+    assert not len(underside(observed(whole), whole))
+    assert not len(underside(observed(seen, None), seen))
+
+
+def test_what_is_in_the_air_stays_there(rng):
+    places = seen_from(50, rng, (0.0, 0.0, 0.2))
+    assert not len(underside(observed(places), places))
+
+
+def test_what_falls_or_is_held_a_little_above_the_ground_is_not_on_it(rng):
+    places = seen_from(50, rng, (0.0, 0.0, 0.05))
+    rests = observed(places)
+    assert len(underside(rests, places))
+    hand = np.repeat(places[:1][None].astype(np.float32), 4, 0)
+    assert not len(underside(replace(rests, controllers=hand), places))
+    since = rests.times[:, None] - rests.times[0]
+    points = rests.points.copy()
+    points[..., 2] -= (0.5 * 9.81 * since**2).astype(np.float32)
+    assert not len(underside(replace(rests, points=points), places))
+
+
+def test_an_upright_plane_has_no_underside(rng):
+    places = np.stack([rng.uniform(0, 0.1, 60), np.zeros(60), rng.uniform(0.01, 0.1, 60)], -1)
+    assert not len(underside(observed(places), places))
