@@ -21,6 +21,8 @@ LOOSEST = 1e-9
 the weight must give way by a finite length."""
 ONE_HAND = 2.5
 """Grasps: controllers nearer than this belong to one hand."""
+SUPPLE = 8.0
+"""`bending` of a rope of which it is seen how thick it is: it bends under its own weight over twice that."""
 CALM = {"rope": 1000.0, "sheet": 400.0, "solid": 0.0}
 """Of a body of which nothing is known, `bending_decay` [1/s]; of a sheet where a fit of it begins.
 
@@ -87,7 +89,8 @@ class Matter:
             "grip": 3.0,
             "reach": 0.6,
             "friction": 0.5,
-            "bending": 0.4,
+            "bending": 0.4 if body.aside is None else SUPPLE,
+            "memory_of_shape": 0.5,
         }
         return cls(
             MASS * body.share,

@@ -19,7 +19,7 @@ from model.gap.effects.base import Quantity
 from model.gap.matter import ONE_HAND, Matter
 from model.gap.prestress import Rest, resting
 from model.gap.sight import Sight
-from model.gap.slight_bending import slight_bending
+from model.gap.slight_bending import slight_bending, stiffest_share
 from model.gap.world import World
 from model.gap.wrinkling import wrinkling
 from model.schema import EffectRecord
@@ -43,9 +43,8 @@ UPRIGHT = {"rope": 4, "sheet": 3, "solid": 5}
 TAUT = 10.0
 """Cloth that is so many times stiffer than usual stretches by 0.3 % under its own weight, less than is seen:
 what is stiffer still would only need finer time steps."""
-BENDING = {"rope": 1.5, "sheet": 3.0}
-"""Times what is usual that a plain twin may resist bending, a rope where it is seen how thick it is; what is
-beyond is an effect."""
+BENDING = 3.0
+"""Times what is usual that a plain sheet may resist bending; what is beyond is an effect."""
 MODES = {"rope": 1, "sheet": 2, "solid": 2}
 """Along so many of the longest axes of the body stiffness may grow from one end to the other."""
 LEAST_AWAY = 1e-9
@@ -173,11 +172,13 @@ class PlainTwin:
             own |= {name: Quantity("m", (-aside, aside), 0.0) for name in self._each_hand(HOLD)}
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
-        thick = self.body.aside is not None and not self.given
-        if self.matter.bending_decay and (self.matter.slackness or thick):
-            own["bending"] = Quantity("1", (0.03, BENDING[self.body.shape]), start["bending"], log=True)
-        if self.matter.slackness and self.matter.bending_decay:
+        if self.matter.bending_decay and self.matter.slackness:
+            own["bending"] = Quantity("1", (0.03, BENDING), start["bending"], log=True)
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
+        elif self.matter.bending_decay and self.body.aside is not None and not self.given:
+            most = stiffest_share(self.body, float(np.linalg.norm(self.observation.gravity)))
+            own["bending"] = Quantity("1", (0.03, most), start["bending"], log=True)
+            own["memory_of_shape"] = Quantity("1", (0.0, 1.0), start["memory_of_shape"])
         for mode in range(MODES[self.body.shape]):
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
         return own
@@ -227,7 +228,8 @@ class PlainTwin:
         world = World(simulator, sight, seen.times, controls, self.ground_height)
         if not self.given:
             weight = float(matter.mass.sum() * np.linalg.norm(seen.gravity))
-            bending = slight_bending(body, weight, values.get("bending", torch.ones(())))
+            share, memory = (values.get(name, 1.0) for name in ("bending", "memory_of_shape"))
+            bending = slight_bending(body, weight, share, memory)
             world = world if bending is None else world.with_force(bending)
         if matter.slackness:
             world = world.with_force(wrinkling(world, matter.slackness))

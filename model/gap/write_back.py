@@ -153,13 +153,14 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
     fps = (len(observation.times) - 1) / float(observation.times[-1] - observation.times[0])
     motion = None if world.controls is None else world.controls.float().numpy()
     colors = None if observation.colors is None else observation.colors[known]
+    memory = (diagnosis.fitted or {}).get("memory_of_shape", 1.0)
     twin = TwinBundle(
         manifest=BundleManifest.model_validate({"schema": SCHEMA}),
         gaussians=_dots(seen[known], colors),
         topology=topology,
         parameters=_of_the_place(mechanics.parameters, plain, diagnosis.fitted or {}),
         controls=None if motion is None else evenly_timed(motion, observation.times, fps),
-        effects=_with_wrinkling(world, _with_slight_bending(world, diagnosis.effects)),
+        effects=_with_wrinkling(world, _with_slight_bending(world, diagnosis.effects, memory)),
     )
     source = SourceRecord(fps=fps, frames=len(observation.times), keyframe=0, scale="the observation's")
     origin = hashlib.sha256(observation.points.tobytes()).hexdigest()
@@ -231,8 +232,12 @@ def _there(parameters: Parameters, plain: PlainTwin) -> Parameters:
     return replace(parameters, globals=own)
 
 
-def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tuple[EffectRecord, ...]:
+def _with_slight_bending(
+    world: World, effects: tuple[EffectRecord, ...], remembered: float
+) -> tuple[EffectRecord, ...]:
     """With the bending that every plain cloth and rope has, which a bundle has no other place for.
+
+    It is at ease in so much of the shape that is seen first.
 
     What resists bending as an effect as well is one with it: energies of two hinges in one place, each at
     ease in its own turn, are that of one, but for a number. One that acts in a part stands for both: a twin
@@ -244,13 +249,13 @@ def _with_slight_bending(world: World, effects: tuple[EffectRecord, ...]) -> tup
     slight = max(least, float(world.simulator.force(SlightBending.name).value("bending_stiffness").max()))
     found = [effect for effect in effects if effect.name == BendingStiffness.name]
     if not found:
-        record = record_of(BendingStiffness, {"bending_stiffness": slight, "memory_of_shape": 1.0})
+        record = record_of(BendingStiffness, {"bending_stiffness": slight, "memory_of_shape": remembered})
         return (_granted(record), *effects)
     if found[0].acts_on is not None:
         return effects
     own = values_of(found[0], BendingStiffness.name)
     whole = min(own["bending_stiffness"] + slight, most)
-    memory = min((own["bending_stiffness"] * own["memory_of_shape"] + slight) / whole, 1.0)
+    memory = min((own["bending_stiffness"] * own["memory_of_shape"] + slight * remembered) / whole, 1.0)
     record = record_of(BendingStiffness, {"bending_stiffness": whole, "memory_of_shape": memory})
     return tuple(record if effect is found[0] else effect for effect in effects)
 

@@ -165,6 +165,15 @@ def test_of_a_thick_rope_it_is_fitted_how_it_bends(thick_rope):
     np.testing.assert_allclose(ratio.numpy(), 10.0, rtol=1e-5)
 
 
+def test_of_a_thick_rope_it_is_fitted_how_much_of_its_first_shape_it_remembers(thick_rope):
+    (thick, _), (thin, _) = thick_rope(0), thick_rope(0, radius=0.001)
+    twins = [PlainTwin.of(body_of(seen, "rope"), seen) for seen in (thick, thin)]
+    assert ["memory_of_shape" in twin.quantities for twin in twins] == [True, False]
+    usual = {name: torch.tensor(q.start).double() for name, q in twins[0].quantities.items()}
+    straight = twins[0].world({**usual, "memory_of_shape": torch.tensor(0.0).double()})
+    assert float(straight.simulator.force("slight_bending").value("rest_turn").abs().max()) == 0.0
+
+
 def test_a_thick_rope_lies_with_its_middle_above_the_ground(thick_rope):
     seen, _ = thick_rope(0, lying=True)
     twin = PlainTwin.of(body_of(seen, "rope"), seen)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from model.gap.bodies.body import body_of
-from model.gap.slight_bending import SLIGHT, slight_bending
+from model.gap.slight_bending import RUBBER, SLIGHT, slight_bending, stiffest_share
 from model.simulator.dynamics import Dynamics
 from model.simulator.system import State, System
 from model.types import Observation
@@ -80,3 +80,23 @@ def test_a_soft_rope_bends_under_its_own_weight_over_a_length_that_it_is_thick(r
     droop = WEIGHT / length * thick**4 / (8 * stiffness)
     # how long and how thick it is is told from noisy places; bent, it is shorter across
     assert droop == pytest.approx(thick / 8, rel=0.4)
+
+
+def test_it_may_remember_a_part_of_its_first_shape(thick_rope):
+    body = body_of(thick_rope(2)[0], "rope")
+    half, whole = (slight_bending(body, WEIGHT, memory=memory).value("rest_turn") for memory in (0.5, 1.0))
+    assert float(whole.abs().max()) > 0.01
+    torch.testing.assert_close(half, 0.5 * whole)
+
+
+@pytest.mark.parametrize("gravity", [9.81, 1.62])
+def test_no_usual_rope_resists_bending_more_than_a_full_one_of_soft_rubber(gravity, thick_rope):
+    """B = E π d⁴ / 64, whose weight per length is ρ g π d² / 4."""
+    seen, middle = thick_rope(2, radius=0.01)
+    body = body_of(seen, "rope")
+    length = np.linalg.norm(np.diff(middle, axis=0), axis=1).sum()
+    density, thick = 1100.0, 0.02
+    weight = density * gravity * np.pi * thick**2 / 4 * length
+    most = slight_bending(body, weight, stiffest_share(body, gravity)).value("bending_stiffness")
+    # how long and how thick it is is told from noisy places
+    assert float(most.max()) == pytest.approx(RUBBER * density * np.pi * thick**4 / 64, rel=0.4)

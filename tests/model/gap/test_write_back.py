@@ -221,6 +221,19 @@ class TestMade:
         assert np.abs(expected - plainly).max() > 1e-4
         np.testing.assert_allclose(made.rollout(substeps=200).points, expected, atol=2e-5)
 
+    def test_a_thick_rope_remembers_as_much_of_its_first_shape_as_was_fitted(self, found, thick_rope):
+        seen, _ = thick_rope(1, lying=True)
+        plain = PlainTwin.of(body_of(seen, "rope"), seen)
+        values = starts(plain, memory_of_shape=0.2)
+        (own,) = twin_of(seen, Diagnosis(found(seen), (), values), plain).effects
+        assert own.name == "bending_stiffness"
+        assert own.parameters["memory_of_shape"]["value"] == 0.2
+        stiff = own.parameters["bending_stiffness"]["value"]
+        more = record_of(BendingStiffness, {"bending_stiffness": stiff, "memory_of_shape": 1.0})
+        (both,) = twin_of(seen, Diagnosis(found(seen), (more,), values), plain).effects
+        assert both.parameters["bending_stiffness"]["value"] == pytest.approx(2 * stiff)
+        assert both.parameters["memory_of_shape"]["value"] == pytest.approx(0.6)
+
     def test_bending_found_at_its_bound_stays_within_it(self, hung, found, tmp_path):
         plain = PlainTwin.of(body_of(hung), hung)
         values = {"bending_stiffness": 1.0, "memory_of_shape": 1.0}
