@@ -68,10 +68,8 @@ def rigidity(body: Body, curvature: float) -> Float64[Array, " k"]:
     for angle in np.pi * np.arange(AROUND) / AROUND:
         along = body.points[:, 0] * np.cos(angle) + body.points[:, 1] * np.sin(angle)
         across = body.points[:, 1] * np.cos(angle) - body.points[:, 0] * np.sin(angle)
-        bent = np.stack(
-            [np.sin(curvature * along), np.zeros_like(along), 1.0 - np.cos(curvature * along)], -1
-        )
-        bent = bent / curvature + across[:, None] * np.array([0.0, 1.0, 0.0])
+        lifted = 1.0 - np.cos(curvature * along)
+        bent = np.stack([np.sin(curvature * along) / curvature, across, lifted / curvature], -1)
         points = torch.from_numpy(bent)
         nothing = torch.zeros((0, 2), dtype=torch.long)
         system = System(points=points, mass=1.0, springs=nothing, rest_length=torch.zeros(0))

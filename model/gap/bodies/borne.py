@@ -6,7 +6,7 @@ above the ground, where no hand is, pushes from below.
 """
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 from scipy.spatial import cKDTree
 
 from model.gap.size import size_of
@@ -34,13 +34,25 @@ def is_borne(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
     ground, size = observation.ground_height, size_of(places)
     if ground is None or len(places) < PATCH or size <= 0.0:
         return False
-    hands = observation.controllers[0].astype(np.float64)
-    unheld = cKDTree(hands).query(places)[0] > UNHELD * size if len(hands) else np.ones(len(places), bool)
     middles, curvature = _upward(places)
-    asked = unheld & (places[:, 2] - ground > RAISED * size) & (np.abs(middles) > LEVEL)
+    asked = unheld(observation, places) & (places[:, 2] - ground > RAISED * size) & (np.abs(middles) > LEVEL)
     limit = 2.0 * BENT / size
     up, down = (asked & (side * curvature > limit) for side in (-1.0, 1.0))
     return bool(up.mean() - down.mean() > BORNE)
+
+
+def unheld(observation: Observation, places: Float64[Array, "N 3"]) -> Bool[Array, " N"]:
+    """Which places on an object are far from all hands in the first frame.
+
+    Args:
+        observation: Whose hands count.
+        places: Points on the object [m].
+    """
+    hands = observation.controllers[0].astype(np.float64)
+    if not len(hands):
+        return np.ones(len(places), bool)
+    far: Bool[Array, " N"] = cKDTree(hands).query(places)[0] > UNHELD * size_of(places)
+    return far
 
 
 def _upward(places: Float64[Array, "N 3"]) -> tuple[Float64[Array, " N"], Float64[Array, " N"]]:

@@ -6,17 +6,15 @@ all below its far side, are missing. What is at rest not far above the ground li
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import ConvexHull, QhullError
 
-from model.gap.size import size_of
+from model.gap.bodies.borne import unheld
 from model.types import Array, Observation
 
 LEAST = 0.02
 """Of how high it reaches above the ground: what is less above it is as good as on it."""
 MOST, MOST_HELD = 0.55, 0.25
 """The same, of what lies there: of a ball one sees nearly half. What a hand holds may be in the air."""
-HELD = 0.2
-"""Of the object's size: a hand that is nearer may hold it."""
 INNER = 0.6
 """Of its outline as seen from above, counted from the middle: what is within is not its rim."""
 LOW = 0.25
@@ -55,9 +53,8 @@ def underside(observation: Observation, places: Float64[Array, "N 3"]) -> Float6
 def _lies(observation: Observation, places: Float64[Array, "N 3"], ground: float) -> bool:
     """Whether it ends above the ground, but not far, and does not fall."""
     low, high = (float(each) - ground for each in (places[:, 2].min(), places[:, 2].max()))
-    hands = observation.controllers[0].astype(np.float64)
-    held = len(hands) > 0 and cKDTree(places).query(hands)[0].min() < HELD * size_of(places)
-    if not LEAST * high < low < (MOST_HELD if held else MOST) * high:
+    most = MOST if unheld(observation, places).all() else MOST_HELD
+    if not LEAST * high < low < most * high:
         return False
     since = np.asarray(observation.times, np.float64) - observation.times[0]
     soon = min(int(np.searchsorted(since, SOON)), len(since) - 1)
