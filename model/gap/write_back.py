@@ -153,7 +153,8 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
     fps = (len(observation.times) - 1) / float(observation.times[-1] - observation.times[0])
     motion = None if world.controls is None else world.controls.float().numpy()
     colors = None if observation.colors is None else observation.colors[known]
-    memory = (diagnosis.fitted or {}).get("memory_of_shape", 1.0)
+    own = {name: quantity.start for name, quantity in plain.quantities.items()} | dict(diagnosis.fitted or {})
+    memory = own.get("memory_of_shape", 1.0)
     twin = TwinBundle(
         manifest=BundleManifest.model_validate({"schema": SCHEMA}),
         gaussians=_dots(seen[known], colors),

@@ -225,6 +225,8 @@ class TestMade:
         seen, _ = thick_rope(1, lying=True)
         plain = PlainTwin.of(body_of(seen, "rope"), seen)
         values = starts(plain, memory_of_shape=0.2)
+        (start,) = twin_of(seen, Diagnosis(found(seen), ()), plain).effects
+        assert start.parameters["memory_of_shape"]["value"] == starts(plain)["memory_of_shape"] < 1.0
         (own,) = twin_of(seen, Diagnosis(found(seen), (), values), plain).effects
         assert own.name == "bending_stiffness"
         assert own.parameters["memory_of_shape"]["value"] == 0.2
