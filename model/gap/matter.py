@@ -21,6 +21,8 @@ LOOSEST = 1e-9
 the weight must give way by a finite length."""
 ONE_HAND = 2.5
 """Grasps: controllers nearer than this belong to one hand."""
+LIMP = 0.1
+"""`bending` of a sheet where a fit begins: 1 is thin cotton's, 0.003 silk's."""
 SUPPLE = 8.0
 """`bending` of a rope of which it is seen how thick it is: it bends under its own weight over twice that."""
 CALM = {"rope": 1000.0, "sheet": 400.0, "solid": 0.0}
@@ -89,7 +91,7 @@ class Matter:
             "grip": 3.0,
             "reach": 0.6,
             "friction": 0.5,
-            "bending": 0.4 if body.aside is None else SUPPLE,
+            "bending": LIMP if body.aside is None else SUPPLE,
             "memory_of_shape": 0.5,
         }
         return cls(

@@ -43,8 +43,8 @@ UPRIGHT = {"rope": 4, "sheet": 3, "solid": 5}
 TAUT = 10.0
 """Cloth that is so many times stiffer than usual stretches by 0.3 % under its own weight, less than is seen:
 what is stiffer still would only need finer time steps."""
-BENDING = 3.0
-"""Times what is usual that a plain sheet may resist bending; what is beyond is an effect."""
+BENDING = (0.003, 3.0)
+"""Times what is usual that a plain sheet may resist bending, from silk on; what is beyond is an effect."""
 MODES = {"rope": 1, "sheet": 2, "solid": 2}
 """Along so many of the longest axes of the body stiffness may grow from one end to the other."""
 LEAST_AWAY = 1e-9
@@ -173,7 +173,7 @@ class PlainTwin:
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
         if self.matter.bending_decay and self.matter.slackness:
-            own["bending"] = Quantity("1", (0.03, BENDING), start["bending"], log=True)
+            own["bending"] = Quantity("1", BENDING, start["bending"], log=True)
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
         elif self.matter.bending_decay and self.body.aside is not None and not self.given:
             most = stiffest_share(self.body, float(np.linalg.norm(self.observation.gravity)))

@@ -66,7 +66,7 @@ def test_wherever_a_probe_is_the_strength_is_found(dragged, probe):
 def test_it_leaves_what_it_says(dragged):
     misfit = dragged.misfit.of(replace(dragged.plain, effects=(QuadraticAirDrag(),)))
     found = beginning(dragged, (QuadraticAirDrag(),), [{DRAG: 1.0}])
-    assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-6)
+    assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-5)
 
 
 def test_what_helps_in_no_strength_begins_with_hardly_any(dragged):
@@ -131,7 +131,7 @@ def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):
     tried = [{f"plasticity.{name}": value for name, value in one.items()} for one in probes(plastic[0])]
     assert found.left < HALF * beginning(study, tuple(plastic), tried).left
     misfit = study.misfit.of(replace(study.plain, effects=tuple(plastic), where=found.where))
-    assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-6)
+    assert float((misfit(found.vector[None]) ** 2).mean()) == pytest.approx(found.left, rel=1e-5)
 
 
 def test_halves_are_not_searched_where_rollouts_take_long(pulled, studied, monkeypatch):
