@@ -3,9 +3,9 @@
     python -m benchmarks.gap.bent_nets
 
 A flat sheet is bent to a part of a cylinder. Energy per area over half the squared curvature is its flexural
-rigidity. A net of mass points in regular triangles has it, wherever the tracked points are that it is made of;
-of one whose points are those themselves, three that turn in its plane make no row: they bend out of it by
-turning about their long side.
+rigidity. A net of mass points in regular triangles has it, wherever the tracked points are that it is made
+of; of one whose points are those themselves, three that turn in its plane make no row: they bend out of it
+by turning about their long side.
 """
 
 import itertools

@@ -24,8 +24,8 @@ from model.types import Array, Observation
 CORNERS = 6
 """An observed point is between this many mass points."""
 REACH = {"sheet": 1.85, "solid": 1.8}
-"""Spacings: points nearer than this are joined, in a sheet two rings of neighbours (1 and 1.73, the third is at
-2), in a solid all around."""
+"""Spacings: points nearer than this are joined, in a sheet two rings of neighbours, which are 1 and 1.73 away
+(the third is 2), in a solid all around."""
 LEAST = 6
 """Neighbours that every point is joined to, however far."""
 SOFT = 0.01

@@ -101,7 +101,7 @@ def _covered(at: Float64[Array, "n 2"], flat: Float64[Array, "N 2"], spacing: fl
 def _lifted(
     at: Float64[Array, "P 2"], flat: Float64[Array, "N 2"], places: Float64[Array, "N 3"]
 ) -> Float64[Array, "P 3"]:
-    """Where they are in space [m]: on the planes, each weighted by nearness, of the seen points around them."""
+    """Where they are in space [m]: on planes of the seen points around them, the nearest counting most."""
     count = min(max(AROUND, PER_POINT * len(flat) // len(at)), len(flat))
     distance, near = cKDTree(flat).query(at, k=count)
     closeness = np.exp(-2.0 * (distance / distance[:, -1:]) ** 2)[..., None]

@@ -74,7 +74,7 @@ def _by_ways(places: Float64[Array, "N 3"]) -> Float64[Array, "N 2"] | None:
 
 
 def _eased(flat: Float64[Array, "N 2"], places: Float64[Array, "N 3"]) -> Float64[Array, "N 2"]:
-    """The least strained between neighbours, from where ways that zigzag from point to point have put them."""
+    """The least strained between neighbours, from where ways that zigzag between points have put them."""
     near = _nearest(places)
     pairs = np.sort(np.stack([np.repeat(np.arange(len(near)), near.shape[1]), near.ravel()], -1), axis=1)
     one, other = np.unique(pairs, axis=0).T

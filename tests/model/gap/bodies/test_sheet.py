@@ -61,10 +61,11 @@ def test_is_the_same_turned_moved_and_in_another_order(bent):
     points, spacing = net(places, 1.0)
     turn = Rotation.from_rotvec([0.3, -0.8, 0.4])
     order = np.random.default_rng(1).permutation(len(places))
-    again, other = net(turn.apply(places[order]) + [1.0, 2.0, 3.0], 1.0)
+    moved = np.array([1.0, 2.0, 3.0])
+    again, other = net(turn.apply(places[order]) + moved, 1.0)
     assert other == pytest.approx(spacing, rel=1e-5)
     assert len(again) == len(points)
-    assert cKDTree(turn.apply(points) + [1.0, 2.0, 3.0]).query(again)[0].max() < 1e-4
+    assert cKDTree(turn.apply(points) + moved).query(again)[0].max() < 1e-4
 
 
 def test_lies_on_what_is_bent():

@@ -50,7 +50,7 @@ def test_what_lies_on_itself_is_not_laid_out(flat):
 
 def test_two_pieces_are_not_laid_out(flat):
     bent = over(flat, 0.06)
-    assert unrolled(np.concatenate([bent, bent + [0.0, 2.0, 0.0]])) is None
+    assert unrolled(np.concatenate([bent, bent + np.array([0.0, 2.0, 0.0])])) is None
 
 
 def test_a_cap_is_laid_out_as_well_as_it_can_be(flat):
