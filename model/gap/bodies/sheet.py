@@ -39,9 +39,9 @@ def net(places: Float64[Array, "N 3"], scale: float) -> tuple[Float64[Array, "P 
         places: Seen points [m].
         scale: Of the spacing.
     """
+    places = places[covering_points(places, ENOUGH)]
     if len(places) < FEW:
         return _among(places, scale)
-    places = places[covering_points(places, ENOUGH)]
     flat = unrolled(places)
     if flat is None or np.ptp(flat, axis=0).min() < NARROW * np.ptp(flat, axis=0).max():
         return _among(places, scale)

@@ -82,6 +82,12 @@ def test_few_markers_are_points_themselves():
     assert set(map(tuple, points)) <= set(map(tuple, places))
 
 
+def test_markers_in_the_same_places_are_few():
+    places = np.repeat(flat(30), 3, axis=0)
+    points, _ = net(places, 1.0)
+    assert set(map(tuple, points)) <= set(map(tuple, places))
+
+
 def test_so_are_those_of_what_lies_on_itself_or_in_a_row():
     """Of a sheet folded double nobody knows which layer a point is of; beside a row there is nothing."""
     double = flat(200)
