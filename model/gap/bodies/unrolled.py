@@ -29,8 +29,7 @@ def unrolled(places: Float64[Array, "N 3"]) -> Float64[Array, "N 2"] | None:
     Args:
         places: Points on it, more than `AROUND` [m].
     """
-    middle = places - places.mean(0)
-    front: Float64[Array, "N 2"] = middle @ np.linalg.eigh(middle.T @ middle)[1][:, :0:-1]
+    front = _by_front(places)
     if _is_true(front, places):
         return front
     along = _by_ways(places)
@@ -56,6 +55,13 @@ def _ratio(
     laid, real = (np.linalg.norm(at[near] - at[:, None], axis=-1) for at in (flat, places))
     ratio: Float64[Array, "N k"] = laid / np.maximum(real, 1e-9)
     return ratio
+
+
+def _by_front(places: Float64[Array, "N d"]) -> Float64[Array, "N 2"]:
+    """Along the two axes in which they reach farthest, the longer one first, their mean in the middle."""
+    middle = places - places.mean(0)
+    flat: Float64[Array, "N 2"] = middle @ np.linalg.eigh(middle.T @ middle)[1][:, :-3:-1]
+    return flat
 
 
 def _by_ways(places: Float64[Array, "N 3"]) -> Float64[Array, "N 2"] | None:
@@ -91,12 +97,10 @@ def _eased(flat: Float64[Array, "N 2"], places: Float64[Array, "N 3"]) -> Float6
         np.add.at(slope, one, -pull)
         return float((stretch**2).sum()), slope.ravel()
 
-    found: Float64[Array, "N 2"] = minimize(
+    found = minimize(
         strain, flat.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": STEPS, "ftol": 1e-12}
-    ).x.reshape(-1, 2)
-    middle = found - found.mean(0)
-    turned: Float64[Array, "N 2"] = middle @ np.linalg.eigh(middle.T @ middle)[1][:, ::-1]
-    return turned
+    )
+    return _by_front(found.x.reshape(-1, 2))
 
 
 def _nearest(places: Float64[Array, "N d"]) -> Int64[Array, "N k"]:
