@@ -6,6 +6,8 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
+from threadpoolctl import threadpool_limits
+
 LOOK = 1.0
 """Between looks at whether the parent is still there [s]."""
 
@@ -25,8 +27,11 @@ def crew(workers: int) -> ProcessPoolExecutor:
 
 
 def _begin(parent: int) -> None:
-    # before torch is imported: the processes share the cores
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    if "OMP_NUM_THREADS" not in os.environ:
+        # of torch, which is not imported yet, and of what the parent's main module has imported: a process
+        # that is spawned does so as well, before it comes here
+        os.environ["OMP_NUM_THREADS"] = "1"
+        threadpool_limits(1, "blas")
     threading.Thread(target=_watch, args=(parent,), name="watch-parent", daemon=True).start()
 
 

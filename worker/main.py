@@ -184,9 +184,8 @@ def _command(
     names = tuple(name.strip() for name in queues.split(","))
     if unknown := set(names) - set(ALL_QUEUES):
         raise InputError(f"--queues {','.join(sorted(unknown))}: choose from {', '.join(ALL_QUEUES)}")
-    os.environ.setdefault(
-        "OMP_NUM_THREADS", "1"
-    )  # the pipeline's operations are small: more workers, not threads
+    # the pipeline's operations are small: more workers, not threads; numpy, which reads this, comes later
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     place = Place(redis_url, store_url, webhooks_to_private)
     serve(Settings(place, scratch.absolute(), names, grace))
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from threadpoolctl import threadpool_limits
 
 from model.errors import InputError
 from model.formats.files import check_writable
@@ -39,7 +40,7 @@ def check_outputs(sources: Iterable[Path | None], *outputs: Path | None) -> None
 
 
 def default_to_one_thread() -> None:
-    """Torch keeps to one thread from here on, unless OMP_NUM_THREADS says otherwise.
+    """Torch and BLAS keep to one thread from here on, unless OMP_NUM_THREADS says otherwise.
 
     Its operations here are small: a second thread gains a tenth when alone, and spins the preview to a
     quarter of its speed beside OpenCV's own threads. The simulator's kernel has threads of its own.
@@ -48,6 +49,7 @@ def default_to_one_thread() -> None:
 
     if "OMP_NUM_THREADS" not in os.environ:
         torch.set_num_threads(1)
+        threadpool_limits(1, "blas")
 
 
 def one_line(message: str) -> str:

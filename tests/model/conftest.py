@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 from safetensors.numpy import save
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from model import cli
 from model.bundle import TwinBundle
@@ -31,11 +32,18 @@ PROPERTIES = [
 
 @pytest.fixture
 def two_threads() -> Iterator[None]:
-    """Torch has two threads; what it had before comes back."""
+    """Torch and BLAS have two threads; what they had before comes back."""
     before = torch.get_num_threads()
     torch.set_num_threads(2)
-    yield
+    with threadpool_limits(2, "blas"):
+        yield
     torch.set_num_threads(before)
+
+
+@pytest.fixture
+def blas_threads() -> Callable[[], set[int]]:
+    """How many threads each BLAS has that is loaded; there are numpy's and scipy's."""
+    return lambda: {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
 
 
 def foreign_tensors(frames: int = 5) -> dict[str, np.ndarray]:
