@@ -30,6 +30,7 @@ from scipy.optimize import minimize
 from scipy.special import logsumexp
 
 from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
+from model.errors import InputError
 from model.gap.account import MEANING, Account
 from model.gap.benchmark.labels import Label, open_labels
 from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
@@ -124,13 +125,16 @@ def seen(magnitude: float | None) -> bool:
 
 
 def gathered(label: Label, folder: Path, out: Path) -> str:
-    """One world diagnosed, its account written down."""
+    """One world diagnosed, its account written down; what is refused is said, and the others go on."""
     world = label["world"]
     kept = out / f"{world}.json"
     if kept.is_file():
         return kept.name
     warnings.simplefilter("ignore")
-    taken, transfer = taken_of(folder / f"{world}.npz")
+    try:
+        taken, transfer = taken_of(folder / f"{world}.npz")
+    except InputError as error:
+        return f"refused: {error}"
     account = diagnose(taken.observation, transfer=transfer).account
     assert account is not None
     return Told.of(label, folder.name, account).write(out)

@@ -99,6 +99,17 @@ def test_objects_of_other_kinds_are_not_diagnosed(tmp_path, capsys):
     assert list((tmp_path / "told").iterdir()) == []
 
 
+def test_a_world_that_cannot_be_diagnosed_is_said_and_the_others_go_on(tmp_path, capsys):
+    label = {"kind": "rope", "effects": [], "accepted": ["none"], "generator": "mujoco"}
+    write_labels(tmp_path, [label | {"world": name} for name in ("broken", "worse")], sealed=False)
+    for name in ("broken", "worse"):
+        (tmp_path / f"{name}.npz").write_bytes(b"no archive")
+    assert main(["gather", str(tmp_path), "--workers", "1", "--out", str(tmp_path / "told")]) == 0
+    out = capsys.readouterr().out
+    assert out.count("refused: broken.npz") == out.count("refused: worse.npz") == 1
+    assert list((tmp_path / "told").iterdir()) == []
+
+
 def test_of_a_hand_that_errs_by_itself_two_answers_are_right(worlds):
     """A recording whose hand lags lacks nothing, and who calls it a delay accuses nobody."""
     weighing = learned(worlds)

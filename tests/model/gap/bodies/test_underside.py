@@ -58,6 +58,41 @@ def test_what_is_seen_from_above_and_lies_reaches_the_ground(degrees, ground, rn
     assert (lying[:, :2].max(0) > middle[:2]).all()
 
 
+def corner(rng, *, underside):
+    """Points by lot all over an L on the ground, with its underside or without, and its middle [m]."""
+    size, count = np.array([0.3, 0.25, 0.07]), 60_000
+    at = rng.uniform(0.0, size, (count, 3))
+    at = at[(at[:, 0] < 0.1) | (at[:, 1] < 0.1)]
+    gap = np.stack([at[:, 0], at[:, 1], 0.3 - at[:, 0], 0.25 - at[:, 1], 0.07 - at[:, 2], at[:, 2]], -1)
+    gap[:, :4] = np.minimum(gap[:, :4], np.maximum(0.1 - at[:, :2].min(1), 0.0)[:, None] + 1e-4)
+    skin = (gap[:, :5] < 3e-3).any(1) | (underside & (gap[:, 5] < 3e-3))
+    return at[skin][:200], at.mean(0)
+
+
+@pytest.mark.parametrize("ground", [0.0, -0.3])
+def test_what_is_seen_down_to_the_ground_is_filled_and_does_not_sink(ground, rng):
+    seen, middle = corner(rng, underside=False)
+    seen[:, 2] += ground + rng.normal(scale=5e-4, size=len(seen))
+    found = underside(observed(seen, ground), seen)
+    assert len(found) > 0.2 * len(seen)
+    np.testing.assert_array_equal(found[:, 2], ground)
+    # in the corner that it leaves free is nothing
+    assert (found[:, :2].min(1) < 0.11).all()
+    with_ground, alone = (body_of(observed(seen, each), "solid") for each in (ground, None))
+    off = [
+        np.linalg.norm(body.share @ body.points - middle - [0, 0, ground]) for body in (with_ground, alone)
+    ]
+    assert off[0] < 0.006
+    assert off[0] < 0.75 * off[1]
+    lying, bare = ((body.points[:, 2] < ground + 0.01).mean() for body in (with_ground, alone))
+    assert lying > 1.5 * bare
+
+
+def test_what_is_seen_all_around_is_left_as_it_is(rng):
+    seen, _ = corner(rng, underside=True)
+    assert not len(underside(observed(seen), seen))
+
+
 def test_its_middle_is_where_that_of_the_whole_is(rng):
     """Of what is seen alone, the middle is nearer to the camera and higher."""
     seen, (whole, _) = seen_from(50, rng), ball(rng)
