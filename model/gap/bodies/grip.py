@@ -82,7 +82,7 @@ def hands_of(places: Float64[Array, "C 3"], apart: float) -> Int64[Array, " C"]:
     return labels
 
 
-def only_shifts(hand: Float64[Array, "T c 3"]) -> bool:
+def _only_shifts(relative: Float64[Array, "T c 3"], turned: float) -> bool:
     """Whether controllers of one hand move against each other by no more than their noise.
 
     A few of them near each other tell badly how a hand turns: 2 mm of noise on four within a centimetre turn
@@ -90,27 +90,29 @@ def only_shifts(hand: Float64[Array, "T c 3"]) -> bool:
     it would of noise.
 
     Args:
-        hand: Its controllers [m], three or more that are not in a row.
+        relative: Its controllers about their middle [m], three or more that are not in a row.
+        turned: Sum of the squares by which the best turns of the first frame miss them [m²].
 
     Reference:
         Fisher (1925), Statistical methods for research workers, section 41 (two mean squares, each by its
         degrees of freedom).
     """
-    relative = hand - hand.mean(1, keepdims=True)
-    first, count = relative[0], len(relative[0])
-    shifted = float(((relative[1:] - first) ** 2).sum((1, 2)).mean())
-    if shifted > 2.0 * 3.0 * (count - 1) * LOUDEST**2:
+    frames, count = len(relative) - 1, len(relative[0])
+    shifted = float(((relative - relative[0]) ** 2).sum())
+    if shifted > 2.0 * 3.0 * (count - 1) * frames * LOUDEST**2:
         return False
-    turned = float(np.mean([Rotation.align_vectors(now, first)[1] ** 2 for now in relative[1:]]))
     return (shifted - turned) / 3.0 < TURNED * turned / (3.0 * count - 6.0)
 
 
 def _carried(hand: Float64[Array, "T c 3"], points: Float64[Array, "h 3"]) -> Float64[Array, "T h 3"]:
     middle = hand.mean(1)
-    first = hand[0] - middle[0]
+    relative = hand - middle[:, None]
+    first = relative[0]
     spread = np.linalg.svd(first, compute_uv=False)
-    turns = len(first) >= 3 and spread[1] > FLAT * spread[0] > 0
-    if turns and only_shifts(hand):
+    turns = []
+    if len(first) >= 3 and spread[1] > FLAT * spread[0] > 0:
+        turns = [Rotation.align_vectors(now, first) for now in relative]
+    if turns and _only_shifts(relative, float(sum(missed**2 for _, missed in turns))):
         shifted: Float64[Array, "T h 3"] = points + (middle - middle[0])[:, None]
         return shifted
     distance, near = cKDTree(hand[0]).query(points, k=min(OTHERS, len(first)))
@@ -118,8 +120,8 @@ def _carried(hand: Float64[Array, "T c 3"], points: Float64[Array, "h 3"]) -> Fl
     weight = 1.0 / (distance + 1e-9 + 0.1 * distance.max()) ** 2
     weight /= weight.sum(1, keepdims=True)
     carried = np.zeros((len(hand), *points.shape))
-    for t, now in enumerate(hand):
-        turn = Rotation.align_vectors(now - middle[t], first)[0] if turns else Rotation.identity()
-        rest = now - middle[t] - turn.apply(first)
+    for t, now in enumerate(relative):
+        turn = turns[t][0] if turns else Rotation.identity()
+        rest = now - turn.apply(first)
         carried[t] = middle[t] + turn.apply(points - middle[0]) + (weight[..., None] * rest[near]).sum(1)
     return carried

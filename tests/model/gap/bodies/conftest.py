@@ -1,4 +1,4 @@
-"""Surfaces of solids, and recordings of beams that are clamped at one end and let go."""
+"""Surfaces of solids, noise of hands, and recordings of beams that are clamped at one end and let go."""
 
 from collections.abc import Callable
 
@@ -17,6 +17,19 @@ def cantilever() -> Callable[..., Observation]:
         return Cantilever().recording(1.2, held)
 
     return made
+
+
+@pytest.fixture
+def noisy():
+    """Adds an error of measurement of such a size [m], of which a share is kept from frame to frame."""
+
+    def measured(places, size, memory, seed):
+        noise = np.random.default_rng(seed).normal(size=places.shape)
+        for t in range(1, len(noise)):
+            noise[t] = memory * noise[t - 1] + np.sqrt(1.0 - memory**2) * noise[t]
+        return places + size * noise
+
+    return measured
 
 
 @pytest.fixture

@@ -80,29 +80,21 @@ SMALL = 0.01 * np.array([[1.0, 0.0, 0.0], [-1.0, 0.3, 0.0], [0.0, -0.8, 0.5], [0
 BESIDE = np.array([[0.03, 0.0, 0.0], [0.0, 0.0, 0.03]])
 
 
-def shaken(places, seed, size=0.0015):
-    """By an error of measurement that lasts from frame to frame."""
-    noise = np.random.default_rng(seed).normal(size=places.shape)
-    for t in range(1, len(noise)):
-        noise[t] = 0.9 * noise[t - 1] + np.sqrt(1.0 - 0.9**2) * noise[t]
-    return places + size * noise
-
-
 @pytest.mark.parametrize("seed", range(8))
-def test_the_noise_of_a_small_hand_does_not_turn_what_it_holds(seed):
+def test_the_noise_of_a_small_hand_does_not_turn_what_it_holds(noisy, seed):
     way = np.linspace(0.0, 1.0, 60)[:, None, None] * WAY
-    found = held_places(shaken(SMALL + way, seed), BESIDE, APART)
+    found = held_places(noisy(SMALL + way, 0.0015, 0.9, seed), BESIDE, APART)
     off = np.linalg.norm(found - BESIDE - way, axis=-1)
     # two errors of a mean of four; a turn that is fitted to them is off by about a centimetre
     assert np.sqrt((off**2).mean()) < 2.5 * np.sqrt(3.0 * 2.0 / 4.0) * 0.0015
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_small_hand_that_turns_is_followed_for_all_its_noise(seed):
+def test_a_small_hand_that_turns_is_followed_for_all_its_noise(noisy, seed):
     turns = Rotation.from_rotvec(np.linspace(0.0, 1.2, 60)[:, None] * [0.3, 0.5, 0.8])
     turned = np.stack([turns.apply(each) for each in SMALL], axis=1)
     there = np.stack([turns.apply(each) for each in BESIDE], axis=1)
-    found = held_places(shaken(turned, seed, 0.0007), BESIDE, APART)
+    found = held_places(noisy(turned, 0.0007, 0.9, seed), BESIDE, APART)
     away = np.linalg.norm(found[-1] - BESIDE, axis=-1)
     assert (np.linalg.norm(found[-1] - there[-1], axis=-1) < 0.35 * away).all()
 

@@ -1,5 +1,7 @@
 """What a hand did is told from what was measured of it."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from jaxtyping import Float64
@@ -8,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from model.gap.bodies.hand import LOUDEST, _roughness, _smoothed, steadied
 from model.types import Array
 
+Noisy = Callable[[Float64[Array, "T C 3"], float, float, int], Float64[Array, "T C 3"]]
 TIMES = np.arange(136) / 30.0
 
 
@@ -21,20 +24,15 @@ def reached(times: Float64[Array, " T"]) -> Float64[Array, "T C 3"]:
     return held + np.outer(way, [0.3, 0.1, 0.2])[:, None]
 
 
-def noisy(places: Float64[Array, "T C 3"], size: float, memory: float, seed: int) -> Float64[Array, "T C 3"]:
-    noise = np.random.default_rng(seed).normal(size=places.shape)
-    for t in range(1, len(noise)):
-        noise[t] = memory * noise[t - 1] + np.sqrt(1.0 - memory**2) * noise[t]
-    return places + size * noise
-
-
 def moved(places: Float64[Array, "T C 3"]) -> Float64[Array, "T C 3"]:
     return places - places.mean(0)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.5])
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_is_taken_off_and_most_of_all_what_it_shakes_with(memory: float, seed: int) -> None:
+def test_noise_is_taken_off_and_most_of_all_what_it_shakes_with(
+    memory: float, seed: int, noisy: Noisy
+) -> None:
     true = reached(TIMES)
     measured = noisy(true, 0.0015, memory, seed)
     found = steadied(measured.astype(np.float32), TIMES)
@@ -51,13 +49,13 @@ def test_motion_without_noise_stays_as_it_is() -> None:
     assert np.abs(steadied(true, TIMES) - true).max() < 1e-4
 
 
-def test_a_jolt_stays_as_it_was_measured() -> None:
+def test_a_jolt_stays_as_it_was_measured(noisy: Noisy) -> None:
     jolted = noisy(reached(TIMES), 1e-4, 0.0, 0)
     jolted[70:] += [0.1, 0.0, 0.0]
     assert (steadied(jolted, TIMES) == jolted).all()
 
 
-def test_a_jolt_of_centimetres_stays_beside_noise_of_a_millimetre() -> None:
+def test_a_jolt_of_centimetres_stays_beside_noise_of_a_millimetre(noisy: Noisy) -> None:
     jolted = noisy(reached(TIMES), 0.001, 0.0, 4)
     jolted[70:] += [0.05, 0.0, 0.0]
     assert np.abs(np.diff(steadied(jolted, TIMES), axis=0)[69, :, 0]).min() > 0.04
@@ -65,7 +63,7 @@ def test_a_jolt_of_centimetres_stays_beside_noise_of_a_millimetre() -> None:
 
 @pytest.mark.parametrize("frequency", [5.0, 6.0, 8.0])
 @pytest.mark.parametrize("size", [0.0, 0.001])
-def test_a_fast_shake_is_no_noise(frequency: float, size: float) -> None:
+def test_a_fast_shake_is_no_noise(frequency: float, size: float, noisy: Noisy) -> None:
     true = reached(TIMES)
     true[..., 0] += 0.03 * np.sin(2.0 * np.pi * frequency * TIMES)[:, None]
     measured = noisy(true, size, 0.0, 5)
@@ -73,7 +71,7 @@ def test_a_fast_shake_is_no_noise(frequency: float, size: float) -> None:
     assert np.sqrt(np.square(off).mean()) < LOUDEST
 
 
-def test_a_lively_hand_is_smoothed_less_than_a_slow_one() -> None:
+def test_a_lively_hand_is_smoothed_less_than_a_slow_one(noisy: Noisy) -> None:
     slow, lively = (0.05 * np.sin(rate * TIMES)[:, None, None] * np.ones((1, 4, 3)) for rate in (1.0, 12.0))
     off = [
         float(np.square(np.diff(steadied(noisy(true, 0.001, 0.0, 6), TIMES) - true, axis=0)).mean())
@@ -106,26 +104,26 @@ def test_the_likelihood_is_that_of_all_frames_at_once(memory: float) -> None:
     assert np.allclose(np.diff(found), np.diff(expected), atol=1e-6)
 
 
-def test_frames_at_nearly_the_same_time_are_left_alone() -> None:
+def test_frames_at_nearly_the_same_time_are_left_alone(noisy: Noisy) -> None:
     times = TIMES.copy()
     times[50] = times[49] + 1e-9
     measured = noisy(reached(times), 0.001, 0.0, 8)
     assert (steadied(measured, times) == measured).all()
 
 
-def test_frames_that_are_missing_do_not_bend_the_path() -> None:
+def test_frames_that_are_missing_do_not_bend_the_path(noisy: Noisy) -> None:
     measured = noisy(reached(TIMES), 0.001, 0.0, 1)
     kept = np.delete(np.arange(len(TIMES)), [40, 41, 42, 43, 80])
     whole, some = steadied(measured, TIMES), steadied(measured[kept], TIMES[kept])
     assert np.abs(moved(some) - moved(whole[kept])).max() < 0.003
 
 
-def test_the_first_frame_is_as_measured() -> None:
+def test_the_first_frame_is_as_measured(noisy: Noisy) -> None:
     measured = noisy(reached(TIMES), 0.001, 0.0, 2)
     assert np.allclose(steadied(measured, TIMES)[0], measured[0], atol=1e-12)
 
 
-def test_a_turned_and_shifted_hand_moves_alike() -> None:
+def test_a_turned_and_shifted_hand_moves_alike(noisy: Noisy) -> None:
     measured = noisy(reached(TIMES), 0.001, 0.3, 3)
     turn = Rotation.from_rotvec([0.0, 0.0, 0.7]).as_matrix()
     elsewhere = steadied(measured @ turn.T + [1.0, -2.0, 0.0], TIMES)
