@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 
 from model.gap.account import Account
 from model.gap.accounting import account_of
@@ -27,7 +28,7 @@ from model.gap.schema import EFFECT_NAMES
 from model.gap.search import Begun, beginning, searched, values_of
 from model.gap.side_by_side import side_by_side
 from model.gap.signs import Signs, signs_of
-from model.gap.study import Study, study
+from model.gap.study import DEAR, Study, study
 from model.gap.transfer import Transferred, transferred
 from model.gap.verdict import Judged, judged, second_of
 from model.gap.weighing import Weighing
@@ -37,12 +38,12 @@ from model.simulator.kernel.threads import kernel_threads, usable_cores
 from model.simulator.pace import StabilityWarning
 from model.types import Observation
 
-LIKELIEST, EXPLAINING = 1, 4
-"""Effects that are fitted: the jury's likeliest, and those that explain most after a step."""
-FITTED: Mapping[Shape, int] = {"rope": 5, "sheet": 3, "solid": 5}
-"""At most: fits of sheets take twice as long as others."""
+FITTED: Mapping[Shape, int] = {"rope": 5, "sheet": 4, "solid": 5}
+"""So many effects."""
 FITTED_DEAR = 3
 """At most, where rollouts take long."""
+LABORIOUS: Mapping[Shape, float] = {"rope": DEAR, "sheet": 1e7, "solid": DEAR}
+"""Work of a rollout from which on that is so: fits of sheets take twice as long as others."""
 BETTER = 0.95
 """Two effects are named where together they leave less than this share of what one leaves."""
 
@@ -211,8 +212,14 @@ def _tried(
 
 
 def _likely(begins: Mapping[EffectName, Begun], first: Judged, fitted: Study) -> list[EffectName]:
-    """Those that the jury ranks first, and those that leave least after a step."""
-    most = FITTED[fitted.plain.twin.body.shape]
-    ranked = [name for name in first.ranked if name in begins][:LIKELIEST]
-    likely = list(dict.fromkeys([*ranked, *list(begins)[:EXPLAINING]]))
-    return likely[: min(most, FITTED_DEAR) if fitted.dear else most]
+    """The jury's first, then in turn those that promise most and those that leave least after a step.
+
+    Where the plain twin has made up for what it lacks, no step from there leads to what is right, and what
+    little is left after one says less than what was promised.
+    """
+    shape = fitted.plain.twin.body.shape
+    most = FITTED_DEAR if fitted.work > LABORIOUS[shape] else FITTED[shape]
+    ranked = [name for name in first.ranked if name in begins][:1]
+    promising = sorted(begins, key=lambda name: begins[name].promised)
+    in_turn = chain.from_iterable(zip(promising, begins, strict=True))
+    return list(dict.fromkeys([*ranked, *in_turn]))[:most]

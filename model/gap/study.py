@@ -40,8 +40,7 @@ SPREAD = {
 }
 """How far around the places are, in powers of e."""
 DEAR = 1.5e7
-"""Springs times substeps of a plain twin, over all frames, from which on less is looked at: stiff solids take
-longer than anything else."""
+"""Work from which on less is looked at: stiff solids take longer than anything else."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +70,15 @@ class Study:
         return seen
 
     @property
+    def work(self) -> int:
+        """Of a rollout: springs times substeps of the plain twin, over all frames."""
+        springs, frames = len(self.plain.twin.body.springs), len(self.observation.times)
+        return springs * frames * self.misfit.needs(self.base.vector)
+
+    @property
     def dear(self) -> bool:
         """A rollout takes so long that whoever has a choice looks at less."""
-        springs, frames = len(self.plain.twin.body.springs), len(self.observation.times)
-        return springs * frames * self.misfit.needs(self.base.vector) > DEAR
+        return self.work > DEAR
 
     def frame_of_residuals(self) -> Int64[Array, " m"]:
         """Frame of each residual of the misfit, which has three for each point that is seen."""

@@ -29,7 +29,6 @@ def sure(monkeypatch):
 
         monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
         monkeypatch.setattr("model.gap.meeting.ALL_EFFECTS", TRIED)
-        monkeypatch.setattr(module, "LIKELIEST", 1)
         monkeypatch.setattr("model.gap.study.STARTS", 6)
 
     return of
@@ -60,13 +59,15 @@ def holds(diagnosis, observation):
     return report
 
 
-def test_fewer_effects_are_fitted_where_rollouts_take_long(short, studied, monkeypatch):
+def test_what_the_jury_believes_what_promises_and_what_leaves_least_is_fitted(short, studied, monkeypatch):
     study, names = studied(short), list(EFFECT_NAMES)
-    begins = {name: Begun(np.zeros(1), 1.0) for name in names}
-    first = Judged({name: float(rank) for rank, name in enumerate(names)})
+    # the later in the catalogue the more it promises, the earlier the less it leaves
+    begins = {name: Begun(np.zeros(1), 1.0, promised=-float(place)) for place, name in enumerate(names)}
+    first = Judged({name: float(name == names[8]) for name in names})
     usual = module._likely(begins, first, study)
-    assert usual == [names[-1], *names[: module.EXPLAINING]]
-    monkeypatch.setattr("model.gap.study.DEAR", 0.0)
+    assert usual == [names[8], names[-1], names[0], names[-2], names[1]]
+    for shape in ("rope", "sheet", "solid"):
+        monkeypatch.setitem(module.LABORIOUS, shape, 0.0)
     assert module._likely(begins, first, study) == usual[: module.FITTED_DEAR]
 
 
