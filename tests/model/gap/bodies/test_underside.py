@@ -93,6 +93,42 @@ def test_what_is_seen_all_around_is_left_as_it_is(rng):
     assert not len(underside(observed(seen), seen))
 
 
+RING, TUBE = 0.12, 0.035
+"""Radii of a ring that lies, and of its tube [m]."""
+
+
+def ring(rng, count=20_000):
+    """What cameras see of it that look down from all around: its tube down to a little below its middle."""
+    around, across = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    at = RING + TUBE * np.cos(across)
+    places = np.stack([at * np.cos(around), at * np.sin(around), TUBE * (1.0 + np.sin(across))], -1)
+    evenly = rng.uniform(size=count) < at / (RING + TUBE)
+    return places[evenly & (np.sin(across) > -0.4)][:180]
+
+
+def test_a_ring_lies_on_its_tube_and_not_on_what_is_in_its_hole(rng):
+    seen = ring(rng)
+    found = underside(observed(seen), seen)
+    away = np.linalg.norm(found[:, :2], axis=1)
+    assert (np.abs(away - RING) < TUBE).all()
+    # all around, no gap is wider than its tube
+    angles = np.sort(np.arctan2(found[:, 1], found[:, 0]))
+    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
+    assert gaps.max() * RING < 2.0 * TUBE
+    with_ground, alone = (body_of(observed(seen, each), "solid") for each in (0.0, None))
+    high = [(body.share @ body.points)[2] - TUBE for body in (with_ground, alone)]
+    assert abs(high[0]) < 0.5 * abs(high[1])
+
+
+def test_what_a_hand_holds_by_its_rim_cannot_hang_with_its_middle_aside(rng):
+    """From below its hand it may hang in the air, as high as half of it."""
+    places = seen_from(50, rng, (0.0, 0.0, 0.05))
+    for at, lies in (((HALVES[0], 0.0, 0.1), True), ((0.0, 0.0, 0.17), False)):
+        hand = np.repeat(np.array([[at]], np.float32), 4, 0)
+        found = underside(replace(observed(places), controllers=hand), places)
+        assert bool(len(found)) == lies
+
+
 def test_its_middle_is_where_that_of_the_whole_is(rng):
     """Of what is seen alone, the middle is nearer to the camera and higher."""
     seen, (whole, _) = seen_from(50, rng), ball(rng)
