@@ -242,12 +242,17 @@ def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
     }
 
 
+def told_in(folders: Sequence[Path]) -> list[Told]:
+    """All clear worlds that were gathered; then those with two recordings once more, without the other."""
+    everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
+    clear = [one for one in everything if one.clear]
+    two = [one for one in clear if len(one.account.astray) > 1]
+    return [*clear, *(replace(one, account=one.account.alone) for one in two)]
+
+
 def learn(folders: Sequence[Path], out: Path | None) -> None:
     """Train, say how well it does on worlds it has not seen, write the weights."""
-    everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
-    two = [one for one in everything if one.clear]
-    alone = [replace(one, account=one.account.alone) for one in two]
-    both = [*two, *(one for one, other in zip(alone, two, strict=True) if len(other.account.astray) > 1)]
+    both = told_in(folders)
     parts: dict[str, Callable[[Told], str]] = {
         "one world at a time": lambda one: one.world,
         "a whole shape": lambda one: one.account.shape,
@@ -266,7 +271,8 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
     weighing = learned(both)
     print({name: round(value, 2) for name, value in asdict(weighing).items()})
     if out is not None:
-        about = {"worlds": len(two), "folders": sorted({one.group for one in two})}
+        worlds, groups = {one.world for one in both}, {one.group for one in both}
+        about = {"worlds": len(worlds), "folders": sorted(groups)}
         weights = {name: round(value, 4) for name, value in asdict(weighing).items()}
         out.write_text(json.dumps({"learned from": about, "weights": weights}, indent=1) + "\n")
         print(f"wrote {out}")

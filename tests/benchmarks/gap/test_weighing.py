@@ -2,16 +2,20 @@
 
 import json
 from dataclasses import asdict, replace
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, unseen, usual
+from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, told_in, unseen, usual
 from benchmarks.reality.labels import write_labels
 from model.errors import InputError
 from model.gap.account import MEANING, Account, Explained
 from model.gap.schema import EFFECT_NAMES
+from model.gap.weighing import HEALTHY, WEIGHTS, Weighing
 
+TOLD = Path(__file__).parents[3] / "benchmarks" / "gap" / "told"
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
 
@@ -75,6 +79,20 @@ def test_no_world_is_judged_by_weights_that_know_it(worlds, monkeypatch):
     for one, _ in unseen(worlds[:6], lambda one: one.world):
         assert one.world not in known[-1]
         assert len(known[-1]) == 5
+
+
+def test_the_weights_that_ship_are_those_of_the_accounts_in_this_repository():
+    folders = sorted(path for path in TOLD.iterdir() if path.is_dir())
+    worlds = told_in(folders)
+    about = json.loads(files("model.gap").joinpath(WEIGHTS).read_text())["learned from"]
+    assert about == {
+        "worlds": len({one.world for one in worlds}),
+        "folders": [folder.name for folder in folders],
+    }
+    found, shipped = asdict(learned(worlds)), asdict(Weighing.shipped())
+    assert found == pytest.approx(shipped, abs=0.02)
+    for shape, (mean, spread, _) in usual(worlds).items():
+        assert (mean, spread) == pytest.approx(HEALTHY[shape], abs=0.006)
 
 
 def test_a_faint_effect_is_not_learned_from_and_nothing_missing_is():
