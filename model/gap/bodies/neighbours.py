@@ -47,6 +47,7 @@ def pairs_within(points: Float64[Array, "P 3"], reach: float, least: int) -> Int
     return np.array(sorted(pairs), np.int64).reshape(-1, 2)
 
 
-def usual_distance(places: Float64[Array, "N 3"]) -> float:
-    """Median distance to the nearest neighbour [m]."""
-    return float(np.median(cKDTree(places).query(places, k=2)[0][:, 1]))
+def usual_distance(places: Float64[Array, "N 3"], neighbour: int = 1) -> float:
+    """Median distance to the nearest neighbour [m], or to one farther away; the last if there are fewer."""
+    count = min(neighbour + 1, len(places))
+    return float(np.median(cKDTree(places).query(places, k=[count])[0]))

@@ -11,13 +11,15 @@ from jaxtyping import Bool, Float64
 from scipy.spatial import cKDTree
 
 from model.gap.bodies.borne import unheld
+from model.gap.bodies.neighbours import usual_distance
+from model.gap.size import size_of
 from model.types import Array, Observation
 
 MOST, MOST_HELD = 0.55, 0.25
 """Of how high it reaches above the ground: what is less above it lies there, of a ball one sees nearly half.
 What hangs from a hand may be in the air."""
 ASIDE = 0.15
-"""Of how far it reaches, and of its hands: what hangs at rest has its middle no farther from below them."""
+"""Of its size, and of its hands: what hangs at rest has its middle no farther from below them."""
 FOURTH = 4
 """Neighbour whose usual distance tells how far apart points are, evenly spread or by lot."""
 NEAR, STEEP = 0.8, 0.25
@@ -50,15 +52,15 @@ def underside(observation: Observation, places: Float64[Array, "N 3"]) -> Float6
     bare = _bare(places, ground)
     if bare.mean() < BARE:
         return np.zeros((0, 3))
-    return np.column_stack([places[bare, :2], np.full(int(bare.sum()), ground)])
+    below: Float64[Array, "U 3"] = places[bare]
+    below[:, 2] = ground
+    return below
 
 
 def _bare(places: Float64[Array, "N 3"], ground: float) -> Bool[Array, " N"]:
     """Which are on its top, with nothing seen below them."""
     heights, tree = places[:, 2] - ground, cKDTree(places[:, :2])
-    count = min(FOURTH + 1, len(places))
-    usual = float(np.median(cKDTree(places).query(places, k=count)[0][:, -1]))
-    radii = np.maximum(NEAR * usual, STEEP * heights)
+    radii = np.maximum(NEAR * usual_distance(places, FOURTH), STEEP * heights)
     below = np.array([heights[each].min() for each in tree.query_ball_point(places[:, :2], radii)])
     top = np.array([heights[each].max() for each in tree.query_ball_point(places[:, :2], AROUND * radii)])
     return (below > BELOW * heights) & (heights > TOP * top)
@@ -84,5 +86,5 @@ def _may_hang(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
         return False
     middle = hands.mean(0)
     reach = float(np.linalg.norm(hands - middle, axis=1).max())
-    size = float(np.linalg.norm(np.ptp(places, axis=0)))
-    return float(np.linalg.norm(places[:, :2].mean(0) - middle)) < reach + ASIDE * (reach + size)
+    aside = float(np.linalg.norm(places[:, :2].mean(0) - middle))
+    return aside < reach + ASIDE * (reach + size_of(places))
