@@ -68,7 +68,7 @@ def independent_share(field: Float64[Array, "F N k"], seen: Bool[Array, "F N"]) 
     r"""Share of the residuals that are independent of each other, 0..1, in time and among points.
 
     Among points it is the participation ratio $(\mathrm{tr}\,C)^2 / (N\,\mathrm{tr}\,C^2)$ of their
-    covariance C, less what so few frames would give by chance.
+    covariance C, less what so few frames would give by chance; points that are never seen have no residuals.
 
     Args:
         field: Residuals, zero where nothing was seen.
@@ -78,6 +78,8 @@ def independent_share(field: Float64[Array, "F N k"], seen: Bool[Array, "F N"]) 
         Bretherton et al. (1999), The effective number of spatial degrees of freedom of a time-varying field,
         Journal of climate 12.
     """
+    ever = seen.any(0)
+    field, seen = field[:, ever], seen[:, ever]
     frames, points, axes = field.shape
     time = correlation_time(field, seen)
     rows = field.transpose(0, 2, 1).reshape(-1, points)

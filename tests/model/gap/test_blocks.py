@@ -108,3 +108,11 @@ def test_what_no_block_speaks_of_is_known_as_well_as_before(rng):
     spread = jackknife(normals, slopes, np.eye(2) / 9.0)
     assert spread[1, 1] == pytest.approx(9.0)
     assert spread[0, 0] < 0.2
+
+
+def test_points_that_are_never_seen_do_not_count(rng):
+    field = rng.normal(size=(FRAMES, POINTS, 3))
+    seen = everywhere(field)
+    seen[:, ::2] = False
+    field[~seen] = 0.0
+    assert independent_share(field, seen) > 0.8

@@ -1,0 +1,68 @@
+"""What an effect that is known explains: found where it is at work, and told of both recordings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.gap.true_effect import main
+from benchmarks.reality.labels import write_labels
+from model.gap.bodies.body import body_of
+from model.gap.effects import GravityTilt
+from model.gap.hypothesis import Hypothesis
+from model.gap.plain import PlainTwin
+from model.observation import write_observation
+from model.types import Observation
+
+FRAMES = 40
+TILT = {"gravity_tilt.about_x": 0.3, "gravity_tilt.about_y": -0.2}
+LABEL = {"world": "tilted", "kind": "rope", "category": "single", "effects": [], "accepted": ["gravity_tilt"]}
+LABEL |= {"generator": "made", "magnitude": 4.0}
+
+
+def tilted(ways):
+    """A hanging rope whose hand goes a way, while it is pulled aside as well."""
+    times = np.arange(FRAMES) / 30.0
+    places = np.linspace([0.0, 0.0, 0.6], [0.0, 0.0, 0.3], 10)
+    way = np.stack([0.06 * np.sin(ways[0] * times), 0.05 * np.sin(ways[1] * times), 0.0 * times], -1)
+    still = Observation(
+        times=times,
+        points=np.repeat(places[None].astype(np.float32), FRAMES, 0),
+        controllers=(places[:1] + way[:, None]).astype(np.float32),
+    )
+    hypothesis = Hypothesis(PlainTwin.of(body_of(still, "rope"), still), (GravityTilt(),))
+    values = {name: quantity.start for name, quantity in hypothesis.quantities.items()} | TILT
+    with torch.no_grad():
+        world = hypothesis.at(values)
+        points = world.sight(world.rollout().points).numpy()
+    noise = np.random.default_rng(1).normal(0, 5e-4, points.shape)
+    return replace(still, points=(points + noise).astype(np.float32))
+
+
+def test_a_tilt_that_is_known_explains_what_the_plain_twin_leaves(tmp_path, capsys):
+    write_observation(tmp_path / "tilted.npz", tilted((7.0, 4.0)))
+    write_observation(tmp_path / "tilted.transfer.npz", tilted((3.0, 8.0)))
+    faint = LABEL | {"world": "faint", "magnitude": 0.5}
+    healthy = LABEL | {"world": "healthy", "accepted": ["none"], "magnitude": None}
+    write_labels(tmp_path, [LABEL, faint, healthy], sealed=False)
+    assert main([str(tmp_path)]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    assert len(rows) == 4, "those that are too faint, or healthy, are not asked"
+    cells = rows[2].split(" | ")
+    assert cells[:3] == ["| tilted", "rope", "gravity_tilt"]
+    left, with_it, later, later_with_it, elsewhere, elsewhere_with_it = map(float, cells[3:9])
+    assert with_it < 1.5 < 0.5 * left
+    assert later_with_it < 0.5 * later
+    assert elsewhere_with_it < 0.8 * elsewhere
+    assert float(cells[9].rstrip(" |")) > 0.2
+    assert rows[3].startswith("1 worlds: e-folds explained of what is left ")
+    assert rows[3].endswith("0 are worse there with it")
+
+
+def test_sealed_worlds_are_not_looked_at(tmp_path, capsys):
+    write_labels(tmp_path, [LABEL], sealed=True)
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path)])
+    assert ended.value.code == 2
+    assert "no open labels" in capsys.readouterr().err
