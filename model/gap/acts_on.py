@@ -9,10 +9,11 @@ from jaxtyping import Bool, Float, Float64
 from scipy.special import softmax
 from torch import Tensor
 
+from model.gap.belief import LOOSE
 from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Effect, Field, Quantity
 from model.gap.effects.self_collision import SelfContact
-from model.gap.estimate import LOOSE, Estimate
+from model.gap.estimate import Estimate
 from model.gap.fields import Place, everywhere, first_places_of, near_places_of, rescaled, tensor
 from model.gap.hypothesis import Hypothesis
 from model.gap.study import Study

@@ -93,7 +93,10 @@ def independent_share(field: Float64[Array, "F N k"], seen: Bool[Array, "F N"]) 
 
 
 def jackknife(
-    normals: Float64[Array, "B d d"], slopes: Float64[Array, "B d"], prior: Float64[Array, "d d"]
+    normals: Float64[Array, "B d d"],
+    slopes: Float64[Array, "B d"],
+    prior: Float64[Array, "d d"],
+    scatter: Float64[Array, "d d"] | None = None,
 ) -> Float64[Array, "d d"]:
     """Covariance of a least-squares estimate from what it would be without each block in turn.
 
@@ -104,7 +107,8 @@ def jackknife(
     Args:
         normals: Jᵀ J of each block.
         slopes: Jᵀ r of each block, at the estimate.
-        prior: Inverse covariance of what is believed beforehand, which was fitted along.
+        prior: Jᵀ J of what is believed beforehand, which was fitted along.
+        scatter: Covariance of its Jᵀ r; None: of residuals of variance 1, that is `prior`.
 
     Reference:
         MacKinnon, Nielsen and Webb (2023), Cluster-robust inference: a guide to empirical practice,
@@ -115,7 +119,8 @@ def jackknife(
     moved = np.stack([-np.linalg.solve(whole - n, total - s) for n, s in zip(normals, slopes, strict=True)])
     apart = moved - moved.mean(0)
     inverse = np.linalg.inv(whole)
-    covariance: Float64[Array, "d d"] = (count - 1) / count * apart.T @ apart + inverse @ prior @ inverse
+    believed = inverse @ (prior if scatter is None else scatter) @ inverse
+    covariance: Float64[Array, "d d"] = (count - 1) / count * apart.T @ apart + believed
     return covariance
 
 

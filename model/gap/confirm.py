@@ -11,7 +11,7 @@ from model.gap.acts_on import Acting
 from model.gap.blocks import block_length, blocks_of, correlation_time, independent_share, jackknife
 from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Effect, Field
-from model.gap.estimate import LOOSE, Estimate, estimate
+from model.gap.estimate import Estimate, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit
@@ -228,8 +228,8 @@ def intervals(study: Study, fitted: Fitted, names: list[str]) -> dict[str, tuple
     parts = [(found.jacobian[block == b], found.residuals[block == b]) for b in range(block.max() + 1)]
     normals = np.stack([jacobian.T @ jacobian for jacobian, _ in parts])
     slopes = np.stack([jacobian.T @ residuals for jacobian, residuals in parts])
-    believed = np.eye(len(found.vector)) / LOOSE**2
-    spread = np.sqrt(np.diag(jackknife(normals, slopes, believed)))
+    belief = found.belief
+    spread = np.sqrt(np.diag(jackknife(normals, slopes, belief.precision, belief.scatter)))
     reach = float(student.ppf(0.975, len(parts) - 1)) * spread
     coordinates = fitted.misfit.coordinates
     low, high = (_within(coordinates, found.vector + sign * reach) for sign in (-1.0, 1.0))

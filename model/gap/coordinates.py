@@ -41,6 +41,17 @@ class Coordinates:
         high = self.vector({name: q.bounds[1] for name, q in self.quantities.items()})
         return low, high
 
+    @property
+    def spreads(self) -> Float64[Array, " d"]:
+        """Standard deviations of what is believed of each beforehand; NaN: nothing is."""
+        each = ((q.spread, 1.0 if q.log else self._scale(q)) for q in self.quantities.values())
+        return np.array([np.nan if spread is None else spread / unit for spread, unit in each], np.float64)
+
+    @property
+    def starts(self) -> Float64[Array, " d"]:
+        """Where fits start, around which that is believed."""
+        return self.vector({name: q.start for name, q in self.quantities.items()})
+
     @staticmethod
     def _scale(quantity: Quantity) -> float:
         low, high = quantity.bounds

@@ -8,13 +8,12 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.optimize import OptimizeResult, least_squares
 
+from model.gap.belief import Belief
 from model.gap.misfit import STEPS, Misfit, Residuals, Span
 from model.types import Array
 
 FIRST_HORIZON = 5
 """Frames."""
-LOOSE = 3.0
-"""Standard deviation of what is believed beforehand, in coordinates."""
 TRIALS = 3
 """Places tried for a step, shorter while they lead uphill: each costs far less than the slopes do."""
 
@@ -29,6 +28,8 @@ class Estimate:
     """Innovations over their noise."""
     jacobian: Float64[Array, "m d"]
     evaluations: int
+    belief: Belief
+    """What was believed beside the residuals."""
 
     @property
     def cost(self) -> float:
@@ -58,7 +59,7 @@ def estimate(
         slopes: Where it ends slopes are looked at as well. Without, they are those of the step before.
     """
     spent = 0
-    vector = found = None
+    vector = found = belief = None
     for last in _horizons(misfit.span, shortest):
         part = misfit.until(last)
         low, high = part.coordinates.bounds
@@ -69,7 +70,8 @@ def estimate(
                 vector = inside[int((part(inside) ** 2).mean(1).argmin())]
                 part.settle()
         ends = last == misfit.span.last
-        found = descended(part, vector, starts[0], steps, slopes=slopes and ends)
+        belief = part.belief(vector, starts[0])
+        found = descended(part, vector, belief, steps, slopes=slopes and ends)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)
         if slopes and ends:
             own = slice(-len(vector))
@@ -77,6 +79,7 @@ def estimate(
         spent += part.evaluations
     assert vector is not None
     assert found is not None
+    assert belief is not None
     count = len(found.fun) - len(vector)
     return Estimate(
         misfit.coordinates.values(found.x),
@@ -84,6 +87,7 @@ def estimate(
         found.fun[:count],
         found.jac[:count],
         spent,
+        belief,
     )
 
 
@@ -100,7 +104,7 @@ def _horizons(span: Span, frames: int) -> list[int]:
 def descended(
     misfit: Residuals,
     vector: Float64[Array, " d"],
-    believed: Float64[Array, " d"],
+    belief: Belief,
     steps: int,
     *,
     slopes: bool = True,
@@ -112,7 +116,7 @@ def descended(
     Args:
         misfit: What is to be small.
         vector: Where to begin, within the bounds.
-        believed: Coordinates that are believed beforehand, `LOOSE` far.
+        belief: Of its coordinates, beside that.
         steps: At most; the first only looks at the slopes.
         slopes: Are looked at where it ends as well, which costs as much as a step. Without, what is returned
             has those of the step before.
@@ -122,13 +126,13 @@ def descended(
     """
 
     def residuals(at: Float64[Array, " d"]) -> Float64[Array, " r"]:
-        return np.concatenate([misfit(at[None])[0], (at - believed) / LOOSE])
+        return np.concatenate([misfit(at[None])[0], belief.residuals(at)])
 
     seen: list[Float64[Array, "r d"]] = []
 
     def jacobian(at: Float64[Array, " d"], width: float) -> Float64[Array, "r d"]:
         if slopes or len(seen) < max(1, steps - 1):
-            seen.append(np.concatenate([misfit.jacobian(at, width), np.eye(len(at)) / LOOSE]))
+            seen.append(np.concatenate([misfit.jacobian(at, width), np.diag(belief.weight)]))
         return seen[-1]
 
     low, high = misfit.bounds

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from model.gap.account import LEAST
+from model.gap.belief import Belief
 from model.gap.confirm import Fitted
 from model.gap.estimate import descended
 from model.gap.hypothesis import Hypothesis
@@ -86,6 +87,18 @@ class Joint(Residuals):
         each = zip(self._misfits, self._places, self._scales, strict=True)
         return np.concatenate([scale * misfit(vectors[:, places]) for misfit, places, scale in each], axis=1)
 
+    def belief(self, vector: Float64[Array, " d"], around: Float64[Array, " d"]) -> Belief:
+        """Of each recording's own, as much as it counts there; of an effect next to nothing."""
+        vectors, near = self.of_each(vector), self.of_each(around)
+        each = zip(self._misfits, vectors, near, strict=True)
+        here, there = (misfit.belief(one, around_it) for misfit, one, around_it in each)
+        units = (scale * belief.unit for scale, belief in zip(self._scales, (here, there), strict=True))
+        return Belief(
+            self.vector(here.centre, there.centre),
+            self.vector(here.spread, there.spread),
+            self.vector(*units),
+        )
+
     def jacobian(self, vector: Float64[Array, " d"], width: float) -> Float64[Array, "m d"]:
         """Slopes; a parameter that is one recording's own is nothing to the other."""
         rows = []
@@ -148,7 +161,7 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     lefts = [joint.left(residuals) for residuals in joint(tried)]
     best = int(np.argmin([np.log(left).sum() for left in lefts]))
     joint = Joint((here, again), lefts[best])
-    result = descended(joint, tried[best], tried[best], STEPS, slopes=False)
+    result = descended(joint, tried[best], joint.belief(tried[best], tried[best]), STEPS, slopes=False)
     each = zip((here, again), joint.of_each(result.x), strict=True)
     first, second = ((misfit, misfit.coordinates.values(vector)) for misfit, vector in each)
     left = joint.left(result.fun[: -len(result.x)])

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float64, Int64
 
+from model.gap.belief import LOOSE, Belief, residual_unit
 from model.gap.coordinates import Coordinates
 from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
@@ -56,6 +57,15 @@ class Residuals(ABC):
     @abstractmethod
     def jacobian(self, vector: Float64[Array, " d"], width: float) -> Float64[Array, "m d"]:
         """Slopes at a vector by differences of this width."""
+
+    @abstractmethod
+    def belief(self, vector: Float64[Array, " d"], around: Float64[Array, " d"]) -> Belief:
+        """What is believed of coordinates beside the residuals, as much as it counts near a vector.
+
+        Args:
+            vector: Where a fit begins.
+            around: Near which it stays in what nothing is known of.
+        """
 
 
 class Misfit(Residuals):
@@ -131,6 +141,22 @@ class Misfit(Residuals):
     def frame_of_residuals(self) -> Int64[Array, " m"]:
         """Of each innovation, counted from the first of the span."""
         return np.repeat(self._seen.nonzero()[:, 0].numpy(), 3)
+
+    def field(self, residuals: Float64[Array, " m"]) -> Float64[Array, "F N 3"]:
+        """Of each frame of the span and each point; zero where nothing was seen."""
+        field = np.zeros((*self._seen.shape, 3))
+        field[self._seen.numpy()] = residuals.reshape(-1, 3)
+        return field
+
+    def belief(self, vector: Float64[Array, " d"], around: Float64[Array, " d"]) -> Belief:
+        """Of the quantities that say so, around their usual start; of all others next to nothing."""
+        spread = self.coordinates.spreads
+        known = np.isfinite(spread)
+        if not known.any():
+            return Belief.loose(around)
+        unit = residual_unit(self.field(self(vector[None])[0]), self._seen.numpy())
+        centre = np.where(known, self.coordinates.starts, around)
+        return Belief(centre, np.where(known, spread, LOOSE), np.where(known, unit, 1.0))
 
     def settle(self) -> None:
         """Forget how finely time was divided for worlds that were looked at before, and their slopes."""

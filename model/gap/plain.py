@@ -59,6 +59,11 @@ HOLD = "hold_"
 """How quantities begin that say by how much a hand holds the body elsewhere than its controllers are."""
 ASIDE = 0.75
 """Grasps: it holds at most so far from them, along each axis."""
+ERRING, BESIDE = 0.003, 0.375
+"""How far a hand usually is from where it was measured to be [m], and from where it holds the body [grasps],
+along each axis."""
+EVEN = 0.225
+"""Powers of e by which the ends of a body are usually stiffer or softer than its middle."""
 EASED = 0.15
 """Time in which it comes to be there [s]: the first frame is at rest."""
 
@@ -159,28 +164,29 @@ class PlainTwin:
         damped = DAMPED_ROPE if self.body.shape == "rope" else DAMPED
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, self._stiffest * usual), usual, log=True),
-            "damping": _reaching("1", (1e-4, damped), start["damping"], log=True),
-            "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], log=True),
-            "prestress": Quantity("1", (0.0, 1.2), start["prestress"]),
+            "damping": _reaching("1", (1e-4, damped), start["damping"]),
+            "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"]),
+            "prestress": Quantity("1", (0.0, 1.2), start["prestress"], spread=0.6),
         }
         if len(self.body.grip):
-            own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], log=True)
+            own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], 1.5)
             if not self.hand_known:
-                own["reach"] = Quantity("1", (0.03, 1.5), start["reach"], log=True)
-            aside = ASIDE * self.body.grasp
-            own |= {name: Quantity("m", (-ELSEWHERE, ELSEWHERE), 0.0) for name in self._each_hand(HAND)}
-            own |= {name: Quantity("m", (-aside, aside), 0.0) for name in self._each_hand(HOLD)}
+                own["reach"] = Quantity("1", (0.03, 1.5), start["reach"], log=True, spread=1.5)
+            grasp = self.body.grasp
+            away = Quantity("m", (-ELSEWHERE, ELSEWHERE), 0.0, spread=ERRING)
+            aside = Quantity("m", (-ASIDE * grasp, ASIDE * grasp), 0.0, spread=BESIDE * grasp)
+            own |= dict.fromkeys(self._each_hand(HAND), away) | dict.fromkeys(self._each_hand(HOLD), aside)
         if self.observation.ground_height is not None:
-            own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], log=True)
+            own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], 1.0)
         if self.matter.bending_decay and self.matter.slackness:
-            own["bending"] = Quantity("1", BENDING, start["bending"], log=True)
+            own["bending"] = Quantity("1", BENDING, start["bending"], log=True, spread=1.5)
             own["bending_decay"] = Quantity("1/s", (20.0, 1000.0), self.matter.bending_decay, log=True)
         elif self.matter.bending_decay and self.body.aside is not None and not self.given:
             most = stiffest_share(self.body, float(np.linalg.norm(self.observation.gravity)))
-            own["bending"] = Quantity("1", (0.03, most), start["bending"], log=True)
-            own["memory_of_shape"] = Quantity("1", (0.0, 1.0), start["memory_of_shape"])
+            own["bending"] = Quantity("1", (0.03, most), start["bending"], log=True, spread=1.5)
+            own["memory_of_shape"] = Quantity("1", (0.0, 1.0), start["memory_of_shape"], spread=0.5)
         for mode in range(MODES[self.body.shape]):
-            own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0)
+            own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0, spread=EVEN)
         return own
 
     def _each_hand(self, of: str) -> list[str]:
@@ -307,8 +313,11 @@ def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
     return np.array(sorted(held), np.int64)
 
 
-def _reaching(unit: str, bounds: tuple[float, float], start: float, log: bool) -> Quantity:
-    """A quantity whose bounds reach to where a given twin is; a logarithm starts above zero in any case."""
+def _reaching(unit: str, bounds: tuple[float, float], start: float, spread: float | None = None) -> Quantity:
+    """One that spans decades, its bounds reaching to where a given twin is; it starts above zero in any case.
+
+    With a spread its logarithm is believed to be there, give or take as much.
+    """
     low, high = bounds
-    start = max(start, 0.1 * low) if log else start
-    return Quantity(unit, (min(low, start), max(high, start)), start, log)
+    start = max(start, 0.1 * low)
+    return Quantity(unit, (min(low, start), max(high, start)), start, log=True, spread=spread)

@@ -13,8 +13,8 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
+from model.gap.belief import LOOSE
 from model.gap.effects.base import Effect, Field
-from model.gap.estimate import LOOSE
 from model.gap.fields import halves_of, tensor
 from model.gap.heading import heading
 from model.gap.misfit import STEPS, Misfit

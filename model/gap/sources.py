@@ -8,10 +8,11 @@ import torch
 from jaxtyping import Float64, Int64
 from torch import Tensor
 
+from model.gap.belief import LOOSE
 from model.gap.bodies.first import first_places
 from model.gap.effects.actuation_delay import ActuationDelay
 from model.gap.effects.base import Quantity
-from model.gap.estimate import LOOSE, Estimate
+from model.gap.estimate import Estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit
 from model.gap.observer import Observer

@@ -86,9 +86,7 @@ class Study:
 
     def residuals(self, estimate: Estimate) -> Float64[Array, "F N 3"]:
         """Innovations over their noise as an array; zero where nothing was seen."""
-        field = np.zeros((*self.seen.shape, 3))
-        field[self.seen] = estimate.residuals.reshape(-1, 3)
-        return field
+        return self.misfit.field(estimate.residuals)
 
 
 def study(observation: Observation, twin: PlainTwin | None = None) -> Study:

@@ -36,6 +36,9 @@ class Quantity:
     """Where a fit starts."""
     log: bool = False
     """Spans decades, so that a fit moves its logarithm."""
+    spread: float | None = None
+    """Standard deviation of what is believed beforehand, around where a fit starts: in powers of e where a
+    fit moves the logarithm, else in its unit; None: nothing is."""
 
 
 class Effect(ABC):

@@ -151,7 +151,7 @@ def _study_of(seen, twin, start, noise):
     misfit = Misfit(plain, observer, Span(0, split - 1), noise)
     vector = misfit.coordinates.vector(start)
     residuals = misfit(vector[None])[0]
-    base = Estimate(start, vector, residuals, misfit.jacobian(vector), 0)
+    base = Estimate(start, vector, residuals, misfit.jacobian(vector), 0, misfit.belief(vector, vector))
     return Study(seen, plain, observer, misfit, start, base, noise, split)
 
 
@@ -169,7 +169,14 @@ def _fitted(study, effect, values, slopes=True):
         flat = np.zeros((len(study.base.residuals), len(vector)))
         return replace(study.base, values=misfit.coordinates.values(vector), vector=vector, jacobian=flat)
     residuals = misfit(vector[None])[0]
-    return Estimate(misfit.coordinates.values(vector), vector, residuals, misfit.jacobian(vector), 0)
+    return Estimate(
+        misfit.coordinates.values(vector),
+        vector,
+        residuals,
+        misfit.jacobian(vector),
+        0,
+        misfit.belief(vector, vector),
+    )
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from model.gap.belief import Belief
 from model.gap.blocks import (
     block_length,
     blocks_of,
@@ -116,3 +117,12 @@ def test_points_that_are_never_seen_do_not_count(rng):
     seen[:, ::2] = False
     field[~seen] = 0.0
     assert independent_share(field, seen) > 0.8
+
+
+def test_what_is_believed_scatters_as_far_as_it_says(rng):
+    """In whatever unit its residuals are: of a coordinate of which no block speaks that is all there is."""
+    parts = [np.stack([rng.normal(size=10), np.zeros(10)], 1) for _ in range(6)]
+    normals, slopes = np.stack([j.T @ j for j in parts]), np.stack([j.T @ rng.normal(size=10) for j in parts])
+    believed = Belief(np.zeros(2), np.array([3.0, 0.2]), np.array([1.0, 40.0]))
+    spread = jackknife(normals, slopes, believed.precision, believed.scatter)
+    assert spread[1, 1] == pytest.approx(0.2**2)

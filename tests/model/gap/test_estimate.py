@@ -7,6 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from model.gap.belief import Belief
 from model.gap.bodies.body import body_of
 from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Quantity
@@ -15,7 +16,7 @@ from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import STEADY, WIDEST, Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import HAND, HOLD, PlainTwin
+from model.gap.plain import ERRING, EVEN, HAND, HOLD, PlainTwin
 from model.types import Observation
 
 FRAMES = 40
@@ -92,6 +93,30 @@ def test_finds_what_was_planted(shaken):
     assert found.cost < 1.4 < 0.1 * float((misfit(vector[None]) ** 2).mean())
 
 
+def test_what_is_seen_overrules_what_is_believed(shaken):
+    """One end of the sheet is four times as stiff as the other: three standard deviations from even."""
+    still, twin = shaken
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    seen = moved(still, plain, {**start, "gradient_1": 3.0 * EVEN}, noise=2e-4)
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 3e-4)
+    found = estimate(misfit, misfit.coordinates.vector(start)[None], steps=12)
+    assert found.values["gradient_1"] == pytest.approx(3.0 * EVEN, rel=0.25)
+
+
+def test_what_is_hardly_seen_stays_where_it_is_believed_to_be(shaken):
+    """Seen too coarsely to tell, and begun far off."""
+    still, twin = shaken
+    plain = Hypothesis(twin)
+    start = {name: quantity.start for name, quantity in plain.quantities.items()}
+    seen = moved(still, plain, start, noise=0.02)
+    misfit = Misfit(plain, Observer(seen, plain.at(start), 0.3), Span(0, FRAMES - 1), 0.02)
+    begun = misfit.coordinates.vector({**start, "gradient_1": 1.2, "hand_1_z": 0.008})
+    found = estimate(misfit, begun[None], steps=12)
+    assert abs(found.values["gradient_1"]) < EVEN
+    assert abs(found.values["hand_1_z"]) < ERRING
+
+
 class Overshooting(Misfit):
     """Residuals whose full Gauss-Newton step leads farther away than where it began."""
 
@@ -110,6 +135,9 @@ class Overshooting(Misfit):
 
     def renewed(self, vector, slopes):
         return slopes
+
+    def belief(self, vector, around):
+        return Belief.loose(around)
 
     def until(self, last):
         return self

@@ -171,3 +171,19 @@ def test_a_fitted_twin_is_not_lost_to_its_time_steps(dragged, other, twin, monke
     assert both is not None
     assert both.left[0] < 1.2 * found.estimate.cost
     assert both.left[1] < 1.2 * held.estimate.cost
+
+
+def test_each_recording_believes_of_its_own_what_it_would_alone(joint, dragged, other):
+    both, here = joint
+    values = {**dragged.base.values, DRAG: TRUE}
+    there = other.misfit(other.hypothesis(here.hypothesis))
+    first, second = here.coordinates.vector(values), there.coordinates.vector({**values, **other.own})
+    at = both.vector(first, second)
+    believed = both.belief(at, at)
+    usual = 0.5 * (here.size + there.size)
+    for side, misfit, vector, left in ((0, here, first, 4.0), (1, there, second, 9.0)):
+        alone, scale = misfit.belief(vector, vector), (usual / misfit.size / left) ** 0.5
+        own = np.array([name != DRAG for name in misfit.coordinates.names])
+        for part, by in (("centre", 1.0), ("spread", 1.0), ("unit", scale)):
+            together = both.of_each(getattr(believed, part))[side]
+            np.testing.assert_allclose(together[own], by * getattr(alone, part)[own])

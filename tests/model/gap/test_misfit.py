@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from model.gap.belief import LOOSE
 from model.gap.effects import StrainStiffening
 from model.gap.misfit import Span
 from model.gap.observer import Observer
@@ -62,3 +63,35 @@ def test_who_is_not_lost_keeps_the_time_steps(stiffening):
     misfit.divide(vector)
     assert misfit._substeps == kept
     assert left(misfit, vector) == before
+
+
+def test_what_is_believed_is_of_the_twin_wherever_a_fit_begins(stiffening):
+    """An effect, of which nothing is known, stays near where its fit begins."""
+    misfit, vector = stiffening
+    own = np.array([name != STIFFENING for name in misfit.coordinates.names])
+    for around in (vector, misfit.bounds[1]):
+        belief = misfit.belief(vector, around)
+        sure = own & np.isfinite(misfit.coordinates.spreads)
+        np.testing.assert_array_equal(belief.centre[sure], misfit.coordinates.starts[sure])
+        np.testing.assert_array_equal(belief.centre[~sure], around[~sure])
+        assert (belief.unit[sure] >= 1.0).all()
+        assert (belief.unit[~sure] == 1.0).all()
+        assert (belief.spread[~own] == LOOSE).all()
+
+
+def test_the_worse_a_twin_follows_the_more_is_left_to_belief(hung, studied):
+    study = studied(hung)
+    misfit, vector = study.misfit, study.base.vector
+    softer = vector - 2.0 * np.array([name == "stiffness" for name in misfit.coordinates.names])
+    assert left(misfit, softer) > 4.0 * left(misfit, vector)
+    at, off = (misfit.belief(one, vector).unit.max() for one in (vector, softer))
+    assert off > 2.0 * at
+
+
+def test_residuals_have_their_frames_and_points(stiffening):
+    misfit, vector = stiffening
+    residuals = misfit(vector[None])[0]
+    field = misfit.field(residuals)
+    assert field.shape == (misfit.span.last + 1, misfit.observer.places.shape[1], 3)
+    assert not field[0].any()
+    assert (field**2).sum() == pytest.approx((residuals**2).sum())
