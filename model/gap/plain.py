@@ -164,8 +164,8 @@ class PlainTwin:
         damped = DAMPED_ROPE if self.body.shape == "rope" else DAMPED
         own = {
             "stiffness": Quantity("N/m", (1e-3 * usual, self._stiffest * usual), usual, log=True),
-            "damping": _reaching("1", (1e-4, damped), start["damping"]),
-            "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"]),
+            "damping": _reaching("1", (1e-4, damped), start["damping"], 2.0),
+            "drag_rate": _reaching("1/s", (0.01, 20.0), start["drag_rate"], 1.5),
             "prestress": Quantity("1", (0.0, 1.2), start["prestress"], spread=0.6),
         }
         if len(self.body.grip):
@@ -313,10 +313,10 @@ def _reachable(body: Body, observation: Observation) -> Int64[Array, " H"]:
     return np.array(sorted(held), np.int64)
 
 
-def _reaching(unit: str, bounds: tuple[float, float], start: float, spread: float | None = None) -> Quantity:
+def _reaching(unit: str, bounds: tuple[float, float], start: float, spread: float) -> Quantity:
     """One that spans decades, its bounds reaching to where a given twin is; it starts above zero in any case.
 
-    With a spread its logarithm is believed to be there, give or take as much.
+    Its logarithm is believed to be there, give or take `spread`.
     """
     low, high = bounds
     start = max(start, 0.1 * low)

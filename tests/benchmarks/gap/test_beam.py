@@ -52,12 +52,12 @@ def test_the_fitted_twin_drops_and_swings_as_the_closed_form(fitted):
 
 def test_what_a_load_does_is_foretold(fitted):
     made = Cantilever(load=LOAD)
-    there = elsewhere(fitted, made.recording(1.0))
+    there = elsewhere(fitted, made.recording(4.0))  # until it is at rest: a drop is told from its end
     bare = swung(there.observation, foretold(fitted, there))
     loaded = swung(there.observation, foretold(fitted, there, LOAD / PER_METRE))
     assert bare.period == pytest.approx(Cantilever().period, rel=0.08)
-    assert loaded.drop == pytest.approx(made.drop, rel=0.25)
-    assert loaded.period == pytest.approx(made.period, rel=0.2)
+    assert loaded.drop == pytest.approx(made.drop, rel=0.1)
+    assert loaded.period == pytest.approx(made.period, rel=0.05)
 
 
 def test_a_load_hangs_at_the_free_end(fitted):
