@@ -4,14 +4,15 @@
 
 A diagnosis may name the wrong effect, or have fitted others; here the plain twin and the twin with the effect
 that is really at work are fitted to the first recording of development worlds, as a diagnosis does it, and
-both foretell the other one. Of a pair of effects it is the first. Worlds too faint to learn from are left out
-(`SEEN` of `benchmarks.gap.weighing`).
+both foretell the other one. Of a pair of effects it is the first. Where label and law mean the same by a
+strength (`model/gap/benchmark/amplitudes.py`), its interval is held against the truth. Worlds
+too faint to learn from are left out (`SEEN` of `benchmarks.gap.weighing`).
 """
 
 import argparse
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,10 +21,11 @@ import numpy as np
 from benchmarks.gap.development import ask_kinds, open_labels_of
 from benchmarks.gap.weighing import seen
 from model.gap.afresh import afresh
+from model.gap.benchmark.amplitudes import TRUE_VALUES
 from model.gap.benchmark.labels import Label
 from model.gap.benchmark.predict import taken_of
 from model.gap.closure import closure, transfer
-from model.gap.confirm import confirm, refit
+from model.gap.confirm import Confirmed, confirm, refit
 from model.gap.elsewhere import Elsewhere
 from model.gap.meeting import able_effects
 from model.gap.schema import EFFECT_NAMES, Closure
@@ -34,7 +36,7 @@ from model.one_thread import one_thread
 
 HEADER = (
     "| world | object | lacks | times noise left: refitted | with it | later mm: refitted | with it | "
-    "elsewhere mm: refitted | with it | closed |"
+    "elsewhere mm: refitted | with it | closed | strength off by half widths |"
 )
 
 
@@ -47,6 +49,8 @@ class Known:
     """Mean squares over those of noise in the frames that were fitted."""
     here: Closure
     there: Closure
+    off: Mapping[str, float]
+    """From `widths_off`."""
 
     @property
     def row(self) -> str:
@@ -56,7 +60,9 @@ class Known:
         cells = [label["world"], label["kind"], label["accepted"][0]]
         cells += [f"{value:.1f}" for pair in pairs for value in pair]
         closed = there.closed_fraction
-        return f"| {' | '.join(cells)} | {'–' if closed is None else f'{closed:.2f}'} |"
+        cells.append("–" if closed is None else f"{closed:.2f}")
+        cells.append(", ".join(f"{name} {off:.1f}" for name, off in self.off.items()) or "–")
+        return f"| {' | '.join(cells)} |"
 
 
 def _millimetres(closure: Closure) -> tuple[float, float]:
@@ -86,7 +92,32 @@ def known(label: Label, folder: Path) -> Known | None:
         refitted = other.forecast(plain.hypothesis, plain.estimate.values)
         left = plain.estimate.cost, with_it.estimate.cost
         here, there = closure(fitted, plain, with_it), transfer(fitted, other, refitted, with_it)
-        return Known(label, left, here.closure, there.closure)
+        return Known(label, left, here.closure, there.closure, widths_off(label, with_it))
+
+
+def widths_off(label: Label, found: Confirmed) -> dict[str, float]:
+    """How far strengths are from the truth, over how far their intervals reach to that side.
+
+    Both as a fit moves them: logarithms of what spans decades. Only of those by which label and law mean the
+    same; at 1 the truth is just within.
+    """
+    name = label["accepted"][0]
+    if name not in TRUE_VALUES:
+        return {}
+    (effect,) = (one for one in label["effects"] if one["name"] == name)
+    coordinates, off = found.misfit.coordinates, {}
+    for quantity, true in TRUE_VALUES[name](effect).items():
+        key = f"{name}.{quantity}"
+        values = dict(found.estimate.values)
+        low, high = found.intervals[key]
+        place = coordinates.names.index(key)
+        at, right, below, above = (
+            float(coordinates.vector(values | {key: value})[place])
+            for value in (values[key], true, low, high)
+        )
+        reach = above - at if right > at else at - below
+        off[quantity] = abs(right - at) / max(reach, 1e-9)
+    return off
 
 
 def told(kept: list[Known], label: Label, folder: Path) -> str:
@@ -108,10 +139,14 @@ def summary(every: Sequence[Known]) -> str:
     folds = {name: float(np.mean([np.log(a / b) for a, b in of_it])) for name, of_it in pairs.items()}
     closed = [one.there.closed_fraction for one in every if one.there.closed_fraction is not None]
     worse = sum(b > a for a, b in pairs["elsewhere"])
+    off = sorted(value for one in every for value in one.off.values())
+    covered = f"; {sum(one <= 1.0 for one in off)} of {len(off)} intervals of strengths hold the truth"
+    needed = f", nine of ten {np.quantile(off, 0.9, method='higher'):.1f} times as wide" if off else ""
     return (
         f"{len(every)} worlds: e-folds explained of what is left {folds['left']:.2f}, of the error later "
         f"{folds['later']:.2f}, elsewhere {folds['elsewhere']:.2f}; closed elsewhere, median "
         f"{np.median(closed):.2f} of {len(closed)}; {worse} are worse there with it"
+        f"{covered}{needed}"
     )
 
 
