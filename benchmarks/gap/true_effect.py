@@ -102,9 +102,9 @@ def widths_off(label: Label, found: Confirmed) -> dict[str, float]:
     same; at 1 the truth is just within.
     """
     name = label["accepted"][0]
-    if name not in TRUE_VALUES:
+    effect = next((one for one in label["effects"] if one["name"] == name), None)
+    if effect is None or name not in TRUE_VALUES:  # a hand that is late by itself is no effect of the world
         return {}
-    (effect,) = (one for one in label["effects"] if one["name"] == name)
     coordinates, off = found.misfit.coordinates, {}
     for quantity, true in TRUE_VALUES[name](effect).items():
         key = f"{name}.{quantity}"

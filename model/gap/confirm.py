@@ -219,7 +219,9 @@ def intervals(study: Study, fitted: Fitted, names: list[str]) -> dict[str, tuple
     """95 % intervals of fitted quantities: a jackknife over blocks of time of the linearised fit.
 
     Blocks are about as long as residuals remember, so that what the model cannot express widens the intervals
-    like noise does. What is wrong alike at all times, as another lattice, they do not know of.
+    like noise does. What is wrong alike at all times, as another lattice, they cannot tell. It is there where
+    a twin leaves more than noise, and intervals are wider by as much as that is more, in standard deviations
+    (`benchmarks/gap/true_effect.py` says how many then hold the truth).
     """
     found, frames = fitted.estimate, study.frame_of_residuals()
     field = study.residuals(found)
@@ -230,7 +232,7 @@ def intervals(study: Study, fitted: Fitted, names: list[str]) -> dict[str, tuple
     slopes = np.stack([jacobian.T @ residuals for jacobian, residuals in parts])
     belief = found.belief
     spread = np.sqrt(np.diag(jackknife(normals, slopes, belief.precision, belief.scatter)))
-    reach = float(student.ppf(0.975, len(parts) - 1)) * spread
+    reach = float(student.ppf(0.975, len(parts) - 1) * np.sqrt(max(found.cost, 1.0))) * spread
     coordinates = fitted.misfit.coordinates
     low, high = (_within(coordinates, found.vector + sign * reach) for sign in (-1.0, 1.0))
     return {name: (low[name], high[name]) for name in names}

@@ -90,6 +90,7 @@ def test_a_strength_is_off_by_what_its_interval_reaches_to_that_side():
     assert off(8.0) == pytest.approx(0.5)
     assert off(0.5) == pytest.approx(3.0)
     assert widths_off({"accepted": ["wind"], "effects": []}, found) == {}
+    assert widths_off({"accepted": ["actuation_delay", "none"], "effects": []}, found) == {}
 
 
 def test_sealed_worlds_are_not_looked_at(tmp_path, capsys):

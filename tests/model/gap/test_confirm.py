@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from model.gap.acts_on import acting
-from model.gap.confirm import confirm, fitted, further, held_out, localised, refit
+from model.gap.confirm import confirm, fitted, further, held_out, intervals, localised, refit
 from model.gap.effects import QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Effect, Quantity
 from model.gap.search import beginning
@@ -57,6 +57,19 @@ def test_what_was_planted_is_confirmed(dragged):
     assert held_out(dragged, found.foretold) < 0.7 * held_out(dragged, plain.foretold)
     assert found.at_bound == ()
     assert set(found.intervals) == {DRAG}
+
+
+def test_what_a_twin_leaves_beyond_noise_widens_intervals_twice(dragged):
+    """As what differs between blocks of time, and for what is alike in all of them."""
+    found = fitted(
+        dragged,
+        replace(dragged.plain, effects=(QuadraticAirDrag(),)),
+        beginning(dragged, (QuadraticAirDrag(),), [{DRAG: 4.0}]).vector,
+    )
+    worse = replace(found, estimate=replace(found.estimate, residuals=3.0 * found.estimate.residuals))
+    widths = [np.diff(np.log(intervals(dragged, one, [DRAG])[DRAG])).item() for one in (found, worse)]
+    assert found.estimate.cost == pytest.approx(1.0, abs=0.1)
+    assert widths[1] / widths[0] == pytest.approx(9.0, rel=0.1)
 
 
 def test_a_placebo_closes_nothing(dragged):
