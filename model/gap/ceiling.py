@@ -18,13 +18,15 @@ def ceiling(study: Study, plain: Fitted) -> Fitted:
 
     It starts from the refitted twin without any such force, so that it explains those frames at least as
     well. What it has learned may still not hold later: `closure` then reports the refitted twin's error.
+    Nothing is believed of the twin beside it: a plain twin that is held near what is usual would keep a force
+    from explaining what goes with an unusual one.
 
     Args:
         study: The plain twin's first fit.
         plain: From `confirm.refit`.
     """
     able = tuple(effect for effect in (kind() for kind in RESIDUAL) if effect.unable(plain.world) is None)
-    hypothesis = replace(study.plain, effects=able)
+    hypothesis = replace(study.plain, effects=able, believing=False)
     silent = {name: quantity.start for name, quantity in hypothesis.quantities.items()}
     start = study.misfit.of(hypothesis).coordinates.vector({**silent, **plain.estimate.values})
     most = DEAREST * plain.misfit.needs(plain.estimate.vector)

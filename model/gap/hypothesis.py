@@ -24,6 +24,8 @@ class Hypothesis:
     """Quantities that are not free, and their values."""
     where: Field | None = None
     """Where the effects act; None: on all alike."""
+    believing: bool = True
+    """What is believed of its quantities beforehand counts; a ceiling asks what could be, however unusual."""
 
     @property
     def quantities(self) -> dict[str, Quantity]:
@@ -34,7 +36,8 @@ class Hypothesis:
             for name, quantity in effect.quantities.items()
         }
         held = self.held or {}
-        return {name: q for name, q in {**self.twin.quantities, **own}.items() if name not in held}
+        free = {name: q for name, q in {**self.twin.quantities, **own}.items() if name not in held}
+        return free if self.believing else {name: replace(q, spread=None) for name, q in free.items()}
 
     @property
     def of_effects(self) -> tuple[str, ...]:

@@ -51,15 +51,13 @@ GRAVITY = 9.81
 """What forces on a point are measured in [m/s²]."""
 BENDING = 0.05
 """Of a row, in stiffness × spacing³: about as much as the springs of a sheet resist."""
-USUAL = 0.7
-"""How large a weight usually is (standard deviation): at 1 its unit is about as strong as what it adds to."""
 SPRING_UNITS = ("odd", "even", "fast", "slow", "lasting", "worn", "viscous", "along", "across")
 AIR_UNITS = ("x", "y", "z", "drag")
 MASS_MODES = ("heavy_1", "heavy_2", "heavy_3")
 
 
 def _weights(names: tuple[str, ...], low: float = -2.0) -> dict[str, Quantity]:
-    return {name: Quantity("1", (low, 2.0), 0.0, spread=USUAL) for name in names}
+    return {name: Quantity("1", (low, 2.0), 0.0) for name in names}
 
 
 def _scene(names: tuple[str, ...]) -> dict[str, Constant]:

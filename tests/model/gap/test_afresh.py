@@ -8,6 +8,7 @@ import pytest
 from model.gap.afresh import TIMES, _followed, _starts, afresh
 from model.gap.confirm import confirm, refit
 from model.gap.effects import QuadraticAirDrag
+from model.gap.estimate import estimate
 from model.gap.probes import probes
 from model.gap.search import STRENGTHS
 from model.gap.study import starts_of
@@ -53,10 +54,16 @@ def test_a_fit_begins_with_what_another_recording_suggests_too(dragged, with_dra
     assert found.cost < 0.7 * dragged.base.cost
 
 
-def test_a_fit_takes_it_where_it_leaves_less(misled, with_drag):
-    """From the wrong valley no fit gets all the way, though the effect is as strong as it is."""
+def hasty(misfit, starts, steps, shortest, *, slopes):
+    """A fit that is ended early."""
+    return estimate(misfit, starts, 2, shortest, slopes=slopes)
+
+
+def test_a_fit_takes_it_where_it_leaves_less(misled, with_drag, monkeypatch):
+    """From the wrong valley a fit of few steps does not get all the way."""
     plain, anew = refit(misled), afresh(misled, with_drag)
-    bad = misled.misfit.of(with_drag).coordinates.vector({**misled.base.values, DRAG: 4.0})
+    bad = misled.misfit.of(with_drag).coordinates.vector({**misled.base.values, DRAG: 90.0})
+    monkeypatch.setattr("model.gap.confirm.estimate", hasty)
     stuck = confirm(misled, plain, with_drag.effects, bad)
     found = confirm(misled, plain, with_drag.effects, bad, anew=anew)
     assert found.estimate.cost < 0.95 * stuck.estimate.cost

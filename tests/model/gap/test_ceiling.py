@@ -1,5 +1,6 @@
 """What a flexible force explains: much of what is missing, and nothing of nothing."""
 
+import numpy as np
 import pytest
 
 from model.gap.ceiling import ceiling
@@ -28,9 +29,16 @@ def test_where_nothing_is_missing_it_explains_nothing(hung, studied):
     assert found.foretold.error > 0.9 * plain.foretold.error
 
 
-def test_it_has_only_what_can_act(hung, studied, monkeypatch):
-    monkeypatch.setattr("model.gap.confirm.STEPS", 1)
+def test_it_has_only_what_can_act(hung, studied):
     study = studied(hung, (QuadraticAirDrag(),))
     found = ceiling(study, refit(study))
     names = {effect.name for effect in found.hypothesis.effects}
     assert names == {"residual_material", "residual_air", "residual_grip", "residual_bending"}
+
+
+def test_it_is_not_held_to_what_is_usual(hung, studied):
+    """Of the twin beside it either: else the force could not take over what goes with an unusual one."""
+    study = studied(hung)
+    plain = refit(study)
+    assert np.isfinite(plain.misfit.coordinates.spreads).any()
+    assert not np.isfinite(ceiling(study, plain).misfit.coordinates.spreads).any()
