@@ -83,9 +83,7 @@ def known(label: Label, folder: Path) -> Known | None:
             return None
         (effect,) = able
         begun = searched(fitted, able)[effect.name]
-        elsewhere = Elsewhere.of(other.study(fitted))
-        acts_there = effect.name in {one.name for one in elsewhere.able}
-        shown = elsewhere.suggests(effect.name, begun.where) if acts_there else None
+        shown = Elsewhere.of(other.study(fitted)).suggests(effect.name, begun.where)
         anew = afresh(fitted, replace(fitted.plain, effects=(effect,), where=begun.where), shown)
         plain = refit(fitted, {name: anew.values[name] for name in fitted.base.values})
         with_it = confirm(fitted, plain, (effect,), begun.vector, begun.where, anew)
@@ -105,14 +103,13 @@ def widths_off(label: Label, found: Confirmed) -> dict[str, float]:
     effect = next((one for one in label["effects"] if one["name"] == name), None)
     if effect is None or name not in TRUE_VALUES:  # a hand that is late by itself is no effect of the world
         return {}
-    coordinates, off = found.misfit.coordinates, {}
+    coordinates, values, off = found.misfit.coordinates, found.estimate.values, {}
     for quantity, true in TRUE_VALUES[name](effect).items():
         key = f"{name}.{quantity}"
-        values = dict(found.estimate.values)
         low, high = found.intervals[key]
         place = coordinates.names.index(key)
         at, right, below, above = (
-            float(coordinates.vector(values | {key: value})[place])
+            float(coordinates.vector({**values, key: value})[place])
             for value in (values[key], true, low, high)
         )
         reach = above - at if right > at else at - below
@@ -139,7 +136,7 @@ def summary(every: Sequence[Known]) -> str:
     folds = {name: float(np.mean([np.log(a / b) for a, b in of_it])) for name, of_it in pairs.items()}
     closed = [one.there.closed_fraction for one in every if one.there.closed_fraction is not None]
     worse = sum(b > a for a, b in pairs["elsewhere"])
-    off = sorted(value for one in every for value in one.off.values())
+    off = [value for one in every for value in one.off.values()]
     covered = f"; {sum(one <= 1.0 for one in off)} of {len(off)} intervals of strengths hold the truth"
     needed = f", nine of ten {np.quantile(off, 0.9, method='higher'):.1f} times as wide" if off else ""
     return (
