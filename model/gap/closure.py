@@ -83,6 +83,8 @@ def transfer(
 ) -> Closed:
     """The same on another recording, to which nothing is fitted but how the body lies and is held there.
 
+    That is fitted to each twin by itself, to the frames before those that are foretold.
+
     Args:
         study: The twin as it came.
         other: The other recording.

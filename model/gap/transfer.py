@@ -1,7 +1,7 @@
 """A fitted body in another recording of the same object."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -55,8 +55,9 @@ class Followed(NamedTuple):
 class Transferred:
     """The other recording, and how to make worlds for it: what it is foretold by was not fitted to it.
 
-    How a hand holds it there, and how much it is at rest at first, is the recording's own: that is fitted,
-    with the plain twin, to frames before the first that is foretold.
+    How a hand holds it there, and how much it is at rest at first, is the recording's own: each twin finds it
+    for itself in the frames before the first that is foretold. What a twin without an effect takes it for
+    makes up for that effect, and misleads a twin that has it.
     """
 
     twin: PlainTwin
@@ -67,7 +68,7 @@ class Transferred:
     first: int
     """The first frame that is foretold."""
     own: Mapping[str, float]
-    """Values of what is the recording's own."""
+    """What the plain twin finds of what is the recording's own; with others it begins there."""
     noise: float
     """Standard deviation of the measured places there [m]."""
 
@@ -86,7 +87,28 @@ class Transferred:
         here = self.hypothesis(hypothesis)
         known = {name: values.get(name, quantity.start) for name, quantity in here.quantities.items()}
         known |= self.own
+        known |= self.held(here, known, self.own)
         return forecast(self.observer, here.at(known), self.first, self.state)
+
+    def held(
+        self, hypothesis: Hypothesis, known: Mapping[str, float], own: Collection[str]
+    ) -> dict[str, float]:
+        """What is the recording's own, by the frames before the first that is foretold.
+
+        Args:
+            hypothesis: Of this recording.
+            known: Values of all quantities; those of its own are where to begin.
+            own: Names of these.
+        """
+        if not own:
+            return {}
+        span = Span(0, self.first - 1, self.state)
+        free = hypothesis.holding({name: value for name, value in known.items() if name not in own})
+        misfit = Misfit(free, self.observer, span, self.told_noise)
+        start = misfit.coordinates.vector({name: known[name] for name in own})
+        if hypothesis.effects:
+            misfit.divide(start)
+        return estimate(misfit, start[None], STEPS, self.first, slopes=False).values
 
     def followed(self, one: Fitted) -> Followed:
         """A twin in all frames of this recording, its effects as strong as in the first.
@@ -181,9 +203,8 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     first = max(int(np.searchsorted(times, SETTLING * PATIENCE)), round(LOOKED_AT * len(times)))
     first = max(1, min(first, len(times) // 2))
     state, observer = State(places, torch.zeros_like(places)), Observer(observation, made, PATIENCE)
-    noise = noise_of(observation)
-    own = _own(study, world, state, observer, first, noise)
-    return Transferred(twin, state, observer, first, own, noise)
+    other = Transferred(twin, state, observer, first, {}, noise_of(observation))
+    return replace(other, own=_own(study, world, other))
 
 
 def _say_idle(twin: PlainTwin, world: World) -> None:
@@ -195,21 +216,15 @@ def _say_idle(twin: PlainTwin, world: World) -> None:
         )
 
 
-def _own(
-    study: Study, plain: Hypothesis, state: State, observer: Observer, first: int, noise: float
-) -> Mapping[str, float]:
-    """How a hand holds the object there, and how much that is at rest, by the frames before `first`."""
+def _own(study: Study, plain: Hypothesis, other: Transferred) -> Mapping[str, float]:
+    """How a hand holds the object there, and how much that is at rest, as the plain twin finds it."""
+    usual = {name: study.base.values.get(name, quantity.start) for name, quantity in plain.quantities.items()}
     names = [name for name in plain.quantities if name.startswith(RECORDINGS_OWN)]
     # what the first recording has no ground or no grip to tell is not known of the object either
     names += [name for name in plain.quantities if name not in study.base.values and name not in names]
-    if plain.twin.hand_known or not names or first < LEAST_FRAMES:
+    if plain.twin.hand_known or other.first < LEAST_FRAMES:
         return {}
-    known = {name: study.base.values[name] for name in plain.quantities if name not in names}
-    span = Span(0, first - 1, state)
-    misfit = Misfit(plain.holding(known), observer, span, max(noise, LEAST_NOISE))
-    usual = {name: study.base.values.get(name, plain.quantities[name].start) for name in names}
-    found = estimate(misfit, misfit.coordinates.vector(usual)[None], STEPS, first, slopes=False)
-    return found.values
+    return other.held(plain, usual, names)
 
 
 def _sure(places: Float64[Array, "N 3"], observation: Observation) -> Float64[Array, "N 3"]:

@@ -216,3 +216,16 @@ def test_the_line_of_a_thick_rope_is_found_by_other_points_on_its_skin(thick_rop
     )
     shown = made.sight(found.state.positions.double()).numpy()
     assert np.sqrt(np.mean((shown - other.points[0]) ** 2)) < 1.5e-3
+
+
+def test_each_twin_finds_for_itself_how_it_is_held_there(hung, studied):
+    """A hand that the plain twin takes for elsewhere, since it knows of no tilt, misleads one that knows."""
+    tilt = GravityTilt()
+    values = {"gravity_tilt.about_x": 0.3, "gravity_tilt.about_y": -0.2}
+    study = studied(hung, (tilt,), values)
+    fast = replace(hung, controllers=hung.controllers + 0.5 * (hung.controllers - hung.controllers[:1]))
+    other = transferred(study, studied(fast, (tilt,), values).observation)
+    tilted, known = study.plain.with_effect(tilt), {**study.base.values, **values}
+    taken = other.hypothesis(tilted).at(known | dict(other.own))
+    misled = forecast(other.observer, taken, other.first, other.state)
+    assert other.forecast(tilted, known).error < 0.7 * misled.error
