@@ -42,8 +42,7 @@ def check_diagnosable(observation: Observation, name: str) -> None:
     Raises:
         InputError: too little to see forces by - frames, points, time between frames -, or to judge by what
             is foretold, tracks that jump to the origin, a pause between frames, gravity that points up, a
-            ground above the object, an object in the air that nothing holds and that does not fall, or
-            nothing that moves.
+            ground above the object, or an object in the air that nothing holds and that does not fall.
     """
     check_enough(observation, name)
     _check_lost(observation, name)
@@ -65,7 +64,37 @@ def check_diagnosable(observation: Observation, name: str) -> None:
             f"{name}: controllers: expected the hand that holds the object, or ground_height where it lies: "
             "found neither near it, and it does not fall; no cause can be told from what is missing here"
         )
-    _check_moves(observation, name)
+
+
+def stays_within(observation: Observation) -> float | None:
+    """How far [m] anything gets that does not move by more than noise does; None: something does.
+
+    What an object is made of, and what acts on it, shows in how it moves alone.
+    """
+    limit = NOISY * noise_of(observation)
+    for places in (observation.points, observation.controllers):
+        tracks = places[:, np.isfinite(places[..., 0]).any(0)].astype(np.float64)
+        if tracks.shape[1] and np.nanmax(np.abs(tracks - np.nanmedian(tracks, axis=0))) > limit:
+            return None
+    return limit
+
+
+def check_moves(observation: Observation, name: str) -> None:
+    """Refuse to diagnose what does not move.
+
+    Args:
+        observation: Within its contract.
+        name: What the message calls it.
+
+    Raises:
+        InputError: nothing moves by more than noise does.
+    """
+    limit = stays_within(observation)
+    if limit is not None:
+        raise InputError(
+            f"{name}: points: expected an object that moves, found all within {1e3 * limit:.2g} mm, as noise "
+            "is: what it lacks shows in motion alone"
+        )
 
 
 def check_transfer(observation: Observation, transfer: Observation, name: str) -> None:
@@ -169,19 +198,6 @@ def _check_lost(observation: Observation, name: str) -> None:
                 f"{name}: {key}: expected places, found {int(lost.sum())} that jump to (0, 0, 0) "
                 f"({100.0 * share:.2g} % of all that is seen): {advice[key]}"
             )
-
-
-def _check_moves(observation: Observation, name: str) -> None:
-    """What it is made of, and what acts on it, shows in how it moves alone."""
-    limit = NOISY * noise_of(observation)
-    for places in (observation.points, observation.controllers):
-        tracks = places[:, np.isfinite(places[..., 0]).any(0)].astype(np.float64)
-        if tracks.shape[1] and np.nanmax(np.abs(tracks - np.nanmedian(tracks, axis=0))) > limit:
-            return
-    raise InputError(
-        f"{name}: points: expected an object that moves, found all within {1e3 * limit:.2g} mm, as noise is: "
-        "what it lacks shows in motion alone"
-    )
 
 
 def _check_pauses(observation: Observation, name: str) -> None:

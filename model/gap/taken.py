@@ -9,7 +9,14 @@ from scipy.spatial import cKDTree
 
 from model.gap.bodies.let_go import let_go
 from model.gap.bodies.neighbours import covering_points
-from model.gap.diagnosable import POINTS, check_diagnosable, check_enough, check_transfer
+from model.gap.diagnosable import (
+    POINTS,
+    check_diagnosable,
+    check_enough,
+    check_moves,
+    check_transfer,
+    stays_within,
+)
 from model.gap.same_points import same_points
 from model.gap.schema import GapReport, PartShare
 from model.types import Array, Observation
@@ -48,7 +55,7 @@ class Taken:
             name: What messages call it.
 
         Raises:
-            InputError: as `check_diagnosable` does.
+            InputError: as `check_diagnosable` and `check_moves` do.
         """
         check_enough(whole, name)
         kept, stands_in = _covering(whole)
@@ -60,12 +67,14 @@ class Taken:
                 stacklevel=2,
             )
         taken, first = _shown(points_of(whole, kept), name)
+        check_moves(taken, name)
         return cls(whole, taken, first, kept, stands_in)
 
     def other(self, whole: Observation, name: str) -> Observation:
         """What is taken of another recording of the object, to confirm what this one says.
 
-        The same points, if those were tracked.
+        The same points, if those were tracked. One in which nothing moves confirms little, but no other is at
+        fault for that: there is a warning.
 
         Args:
             whole: Within its contract.
@@ -78,6 +87,12 @@ class Taken:
         kept = self.kept if same_points(self.whole, whole) else _covering(whole)[0]
         taken = _shown(points_of(whole, kept), name)[0]
         check_transfer(self.observation, taken, name)
+        limit = stays_within(taken)
+        if limit is not None:
+            warnings.warn(
+                f"{name}: nothing moves by more than {1e3 * limit:.2g} mm, as noise does: it confirms little",
+                stacklevel=2,
+            )
         return taken
 
     def report(self, found: GapReport) -> GapReport:

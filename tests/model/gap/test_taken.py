@@ -190,3 +190,17 @@ def test_another_recording_of_other_points_is_covered_by_its_own(dense):
     assert taken.other(some, "p.npz").points.shape[1] == len(taken.kept)
     few = replace(dense, points=1.2 * dense.points[:, ::20], controllers=elsewhere, parts=None)
     np.testing.assert_array_equal(taken.other(few, "p.npz").points, few.points)
+
+
+def test_another_recording_in_which_nothing_moves_is_taken_with_a_warning(seen):
+    """It confirms little; the first can be diagnosed all the same."""
+    noise = np.random.default_rng(4).normal(0, 2e-3, seen.points.shape)
+    rest = replace(
+        seen,
+        points=(seen.points[:1] + noise).astype(np.float32),
+        controllers=np.repeat(seen.controllers[:1], FRAMES, 0),
+    )
+    with pytest.raises(InputError, match="expected an object that moves"):
+        Taken.of(rest, "o.npz")
+    with pytest.warns(UserWarning, match=r"^p\.npz: nothing moves by more than .* it confirms little$"):
+        np.testing.assert_array_equal(Taken.of(seen, "o.npz").other(rest, "p.npz").points, rest.points)
