@@ -70,8 +70,9 @@ def estimate(
                 vector = inside[int((part(inside) ** 2).mean(1).argmin())]
                 part.settle()
         ends = last == misfit.span.last
-        belief = part.belief(vector, starts[0])
-        found = descended(part, vector, belief, steps, slopes=slopes and ends)
+        left = part(vector[None])[0]
+        belief = part.belief(left, starts[0])
+        found = descended(part, vector, left, belief, steps, slopes=slopes and ends)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)
         if slopes and ends:
             own = slice(-len(vector))
@@ -104,6 +105,7 @@ def _horizons(span: Span, frames: int) -> list[int]:
 def descended(
     misfit: Residuals,
     vector: Float64[Array, " d"],
+    left: Float64[Array, " m"],
     belief: Belief,
     steps: int,
     *,
@@ -116,6 +118,7 @@ def descended(
     Args:
         misfit: What is to be small.
         vector: Where to begin, within the bounds.
+        left: The residuals there.
         belief: Of its coordinates, beside that.
         steps: At most; the first only looks at the slopes.
         slopes: Are looked at where it ends as well, which costs as much as a step. Without, what is returned
@@ -124,32 +127,34 @@ def descended(
     Returns:
         Of `scipy.optimize.least_squares`; the last residuals, one a coordinate, are of what is believed.
     """
+    begin = vector
 
     def residuals(at: Float64[Array, " d"]) -> Float64[Array, " r"]:
-        return np.concatenate([misfit(at[None])[0], belief.residuals(at)])
+        seen = left if np.array_equal(at, begin) else misfit(at[None])[0]
+        return np.concatenate([seen, belief.residuals(at)])
 
-    seen: list[Float64[Array, "r d"]] = []
+    looked: list[Float64[Array, "r d"]] = []
 
     def jacobian(at: Float64[Array, " d"], width: float) -> Float64[Array, "r d"]:
-        if slopes or len(seen) < max(1, steps - 1):
-            seen.append(np.concatenate([misfit.jacobian(at, width), np.diag(belief.weight)]))
-        return seen[-1]
+        if slopes or len(looked) < max(1, steps - 1):
+            looked.append(np.concatenate([misfit.jacobian(at, width), np.diag(belief.weight)]))
+        return looked[-1]
 
     low, high = misfit.bounds
-    left, found = steps, None
+    more, found = steps, None
     for width in STEPS:
         found = least_squares(
             residuals,
             vector,
             partial(jacobian, width=width),
             bounds=(low, high),
-            max_nfev=1 + TRIALS * (left - 1),
+            max_nfev=1 + TRIALS * (more - 1),
             xtol=0.05 * width,
             ftol=1e-3,
-            callback=_after(left - 1),
+            callback=_after(more - 1),
         )
-        vector, left = np.clip(found.x, low + 1e-6, high - 1e-6), left - found.njev
-        if left <= 0:
+        vector, more = np.clip(found.x, low + 1e-6, high - 1e-6), more - found.njev
+        if more <= 0:
             break
     return found
 

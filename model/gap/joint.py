@@ -75,23 +75,23 @@ class Joint(Residuals):
 
     def left(self, residuals: Float64[Array, " m"]) -> tuple[float, float]:
         """Mean squares in each recording, over those of its sensor's noise."""
-        first = self._misfits[0].size
-        here, there = (
-            float(np.mean((part / scale) ** 2))
-            for part, scale in zip((residuals[:first], residuals[first:]), self._scales, strict=True)
-        )
+        here, there = (float(np.mean(part**2)) for part in self._unscaled(residuals))
         return here, there
+
+    def _unscaled(self, residuals: Float64[Array, " m"]) -> tuple[Float64[Array, " h"], Float64[Array, " t"]]:
+        """Of each recording, over its sensor's noise."""
+        here, there = np.split(residuals, [self._misfits[0].size])
+        return here / self._scales[0], there / self._scales[1]
 
     def __call__(self, vectors: Float64[Array, "b d"]) -> Float64[Array, "b m"]:
         """Of the first recording, then of the other, one row for each vector."""
         each = zip(self._misfits, self._places, self._scales, strict=True)
         return np.concatenate([scale * misfit(vectors[:, places]) for misfit, places, scale in each], axis=1)
 
-    def belief(self, vector: Float64[Array, " d"], around: Float64[Array, " d"]) -> Belief:
+    def belief(self, residuals: Float64[Array, " m"], around: Float64[Array, " d"]) -> Belief:
         """Of each recording's own, as much as it counts there; of an effect next to nothing."""
-        vectors, near = self.of_each(vector), self.of_each(around)
-        each = zip(self._misfits, vectors, near, strict=True)
-        here, there = (misfit.belief(one, around_it) for misfit, one, around_it in each)
+        each = zip(self._misfits, self._unscaled(residuals), self.of_each(around), strict=True)
+        here, there = (misfit.belief(left, near) for misfit, left, near in each)
         units = (scale * belief.unit for scale, belief in zip(self._scales, (here, there), strict=True))
         return Belief(
             self.vector(here.centre, there.centre),
@@ -161,7 +161,9 @@ def fitted_jointly(one: Fitted, plain: Fitted, other: Transferred, elsewhere: Fo
     lefts = [joint.left(residuals) for residuals in joint(tried)]
     best = int(np.argmin([np.log(left).sum() for left in lefts]))
     joint = Joint((here, again), lefts[best])
-    result = descended(joint, tried[best], joint.belief(tried[best], tried[best]), STEPS, slopes=False)
+    start = tried[best]
+    begun = joint(start[None])[0]
+    result = descended(joint, start, begun, joint.belief(begun, start), STEPS, slopes=False)
     each = zip((here, again), joint.of_each(result.x), strict=True)
     first, second = ((misfit, misfit.coordinates.values(vector)) for misfit, vector in each)
     left = joint.left(result.fun[: -len(result.x)])

@@ -59,11 +59,11 @@ class Residuals(ABC):
         """Slopes at a vector by differences of this width."""
 
     @abstractmethod
-    def belief(self, vector: Float64[Array, " d"], around: Float64[Array, " d"]) -> Belief:
-        """What is believed of coordinates beside the residuals, as much as it counts near a vector.
+    def belief(self, residuals: Float64[Array, " m"], around: Float64[Array, " d"]) -> Belief:
+        """What is believed of coordinates beside the residuals, as much as it counts while these are left.
 
         Args:
-            vector: Where a fit begins.
+            residuals: Where a fit begins.
             around: Near which it stays in what nothing is known of.
         """
 
@@ -148,13 +148,13 @@ class Misfit(Residuals):
         field[self._seen.numpy()] = residuals.reshape(-1, 3)
         return field
 
-    def belief(self, vector: Float64[Array, " d"], around: Float64[Array, " d"]) -> Belief:
+    def belief(self, residuals: Float64[Array, " m"], around: Float64[Array, " d"]) -> Belief:
         """Of the quantities that say so, around their usual start; of all others next to nothing."""
         spread = self.coordinates.spreads
         known = np.isfinite(spread)
         if not known.any():
             return Belief.loose(around)
-        unit = residual_unit(self.field(self(vector[None])[0]), self._seen.numpy())
+        unit = residual_unit(self.field(residuals), self._seen.numpy())
         centre = np.where(known, self.coordinates.starts, around)
         return Belief(centre, np.where(known, spread, LOOSE), np.where(known, unit, 1.0))
 

@@ -151,7 +151,7 @@ def _study_of(seen, twin, start, noise):
     misfit = Misfit(plain, observer, Span(0, split - 1), noise)
     vector = misfit.coordinates.vector(start)
     residuals = misfit(vector[None])[0]
-    base = Estimate(start, vector, residuals, misfit.jacobian(vector), 0, misfit.belief(vector, vector))
+    base = Estimate(start, vector, residuals, misfit.jacobian(vector), 0, misfit.belief(residuals, vector))
     return Study(seen, plain, observer, misfit, start, base, noise, split)
 
 
@@ -175,7 +175,7 @@ def _fitted(study, effect, values, slopes=True):
         residuals,
         misfit.jacobian(vector),
         0,
-        misfit.belief(vector, vector),
+        misfit.belief(residuals, vector),
     )
 
 

@@ -31,7 +31,7 @@ class Linear(Residuals):
     def jacobian(self, vector, width):
         return self.slopes
 
-    def belief(self, vector, around):
+    def belief(self, residuals, around):
         return self.believed
 
 
@@ -72,7 +72,7 @@ def test_a_fit_ends_where_frames_and_belief_agree(rng):
     """Ridge regression in closed form."""
     slopes, seen = rng.normal(size=(60, 3)), rng.normal(size=60)
     belief = Belief(np.array([1.0, -2.0, 0.5]), np.array([0.1, 1.0, 10.0]), np.array([2.0, 3.0, 1.0]))
-    found = descended(Linear(slopes, seen, belief), np.zeros(3), belief, 12)
+    found = descended(Linear(slopes, seen, belief), np.zeros(3), -seen, belief, 12)
     precision = (belief.unit / belief.spread) ** 2
     closed = np.linalg.solve(
         slopes.T @ slopes + np.diag(precision), slopes.T @ seen + precision * belief.centre
@@ -83,7 +83,8 @@ def test_a_fit_ends_where_frames_and_belief_agree(rng):
 def test_what_frames_say_nothing_of_stays_where_it_is_believed_to_be(rng):
     slopes = np.stack([rng.normal(size=40), np.zeros(40)], 1)
     belief = Belief.loose(np.array([0.0, 1.5]))
-    found = descended(Linear(slopes, slopes @ np.array([2.0, 0.0]), belief), np.zeros(2), belief, 12)
+    seen = slopes @ np.array([2.0, 0.0])
+    found = descended(Linear(slopes, seen, belief), np.zeros(2), -seen, belief, 12)
     assert found.x[1] == pytest.approx(1.5, abs=1e-3)
     assert found.x[0] == pytest.approx(2.0, rel=0.02)
     np.testing.assert_array_equal(belief.weight, [1.0 / LOOSE] * 2)

@@ -136,7 +136,7 @@ class Overshooting(Misfit):
     def renewed(self, vector, slopes):
         return slopes
 
-    def belief(self, vector, around):
+    def belief(self, residuals, around):
         return Belief.loose(around)
 
     def until(self, last):

@@ -179,10 +179,10 @@ def test_each_recording_believes_of_its_own_what_it_would_alone(joint, dragged, 
     there = other.misfit(other.hypothesis(here.hypothesis))
     first, second = here.coordinates.vector(values), there.coordinates.vector({**values, **other.own})
     at = both.vector(first, second)
-    believed = both.belief(at, at)
+    believed = both.belief(both(at[None])[0], at)
     usual = 0.5 * (here.size + there.size)
     for side, misfit, vector, left in ((0, here, first, 4.0), (1, there, second, 9.0)):
-        alone, scale = misfit.belief(vector, vector), (usual / misfit.size / left) ** 0.5
+        alone, scale = misfit.belief(misfit(vector[None])[0], vector), (usual / misfit.size / left) ** 0.5
         own = np.array([name != DRAG for name in misfit.coordinates.names])
         for part, by in (("centre", 1.0), ("spread", 1.0), ("unit", scale)):
             together = both.of_each(getattr(believed, part))[side]

@@ -68,9 +68,10 @@ def test_who_is_not_lost_keeps_the_time_steps(stiffening):
 def test_what_is_believed_is_of_the_twin_wherever_a_fit_begins(stiffening):
     """An effect, of which nothing is known, stays near where its fit begins."""
     misfit, vector = stiffening
+    residuals = misfit(vector[None])[0]
     own = np.array([name != STIFFENING for name in misfit.coordinates.names])
     for around in (vector, misfit.bounds[1]):
-        belief = misfit.belief(vector, around)
+        belief = misfit.belief(residuals, around)
         sure = own & np.isfinite(misfit.coordinates.spreads)
         np.testing.assert_array_equal(belief.centre[sure], misfit.coordinates.starts[sure])
         np.testing.assert_array_equal(belief.centre[~sure], around[~sure])
@@ -84,7 +85,7 @@ def test_the_worse_a_twin_follows_the_more_is_left_to_belief(hung, studied):
     misfit, vector = study.misfit, study.base.vector
     softer = vector - 2.0 * np.array([name == "stiffness" for name in misfit.coordinates.names])
     assert left(misfit, softer) > 4.0 * left(misfit, vector)
-    at, off = (misfit.belief(one, vector).unit.max() for one in (vector, softer))
+    at, off = (misfit.belief(misfit(one[None])[0], vector).unit.max() for one in (vector, softer))
     assert off > 2.0 * at
 
 

@@ -54,7 +54,7 @@ def test_of_two_effects_the_first_has_what_it_takes_away_alone(hung, studied):
     silent = {"strain_stiffening.stiffening": 0.0, "actuation_delay.delay": 0.0}
     vector = misfit.coordinates.vector({**usual, **study.base.values, **silent})
     found = misfit.coordinates.values(vector), vector, misfit(vector[None])[0], misfit.jacobian(vector)
-    left = Estimate(*found, 0, misfit.belief(vector, vector))
+    left = Estimate(*found, 0, misfit.belief(found[2], vector))
     late = replace(study.plain, effects=both[::-1])
     for first, alone in ((0.008, 100 - 64), (0.012, 0), (0.004, 100 - 36)):
         found = sources(GAP, study, misfit.hypothesis, left, first)
