@@ -23,6 +23,7 @@ from benchmarks.gap.weighing import seen
 from model.gap.afresh import afresh
 from model.gap.benchmark.amplitudes import TRUE_VALUES
 from model.gap.benchmark.labels import Label
+from model.gap.benchmark.outcomes import CLEAR
 from model.gap.benchmark.predict import taken_of
 from model.gap.closure import closure, transfer
 from model.gap.confirm import Confirmed, confirm, refit
@@ -126,24 +127,34 @@ def told(kept: list[Known], label: Label, folder: Path) -> str:
     return found.row
 
 
-def summary(every: Sequence[Known]) -> str:
-    """Means and medians of all of them."""
+def summary(every: Sequence[Known]) -> list[str]:
+    """Means and medians of all of them, and of those by which a benchmark judges."""
+    clear = [one for one in every if (one.label.get("magnitude") or 0.0) >= CLEAR]
+    off = sorted(value for one in every for value in one.off.values())
+    lines = [
+        f"{len(every)} worlds: {_folds(every)}",
+        f"{len(clear)} of signal-to-noise {CLEAR:g} or more: {_folds(clear) if clear else 'nothing to tell'}",
+        f"{sum(one <= 1.0 for one in off)} of {len(off)} intervals of strengths hold the truth",
+    ]
+    if off:
+        lines[-1] += f", nine of ten {np.quantile(off, 0.9, method='higher'):.1f} times as wide"
+    return lines
+
+
+def _folds(some: Sequence[Known]) -> str:
+    """How much less is left with the effects, and later and elsewhere foretold."""
     pairs = {
-        "left": [one.left for one in every],
-        "later": [_millimetres(one.here) for one in every],
-        "elsewhere": [_millimetres(one.there) for one in every],
+        "of what is left": [one.left for one in some],
+        "of the error later": [_millimetres(one.here) for one in some],
+        "elsewhere": [_millimetres(one.there) for one in some],
     }
-    folds = {name: float(np.mean([np.log(a / b) for a, b in of_it])) for name, of_it in pairs.items()}
-    closed = [one.there.closed_fraction for one in every if one.there.closed_fraction is not None]
+    folds = [f"{np.mean([np.log(a / b) for a, b in of_it]):.2f} {name}" for name, of_it in pairs.items()]
+    closed = [one.there.closed_fraction for one in some if one.there.closed_fraction is not None]
     worse = sum(b > a for a, b in pairs["elsewhere"])
-    off = [value for one in every for value in one.off.values()]
-    covered = f"; {sum(one <= 1.0 for one in off)} of {len(off)} intervals of strengths hold the truth"
-    needed = f", nine of ten {np.quantile(off, 0.9, method='higher'):.1f} times as wide" if off else ""
+    median = f"{np.median(closed):.2f}" if closed else "nothing"
     return (
-        f"{len(every)} worlds: e-folds explained of what is left {folds['left']:.2f}, of the error later "
-        f"{folds['later']:.2f}, elsewhere {folds['elsewhere']:.2f}; closed elsewhere, median "
-        f"{np.median(closed):.2f} of {len(closed)}; {worse} are worse there with it"
-        f"{covered}{needed}"
+        f"e-folds explained {', '.join(folds)}; closed elsewhere, median {median} of {len(closed)}; "
+        f"{worse} are worse there with it"
     )
 
 
@@ -168,7 +179,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for label, folder in jobs:
         print(told(kept, label, folder), flush=True)
     if kept:
-        print(summary(kept))
+        print("\n".join(summary(kept)))
     return 0
 
 

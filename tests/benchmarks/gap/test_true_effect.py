@@ -56,7 +56,7 @@ def test_a_tilt_that_is_known_explains_what_the_plain_twin_leaves(tmp_path, caps
     write_labels(tmp_path, [LABEL, faint, healthy], sealed=False)
     assert main([str(tmp_path)]) == 0
     rows = capsys.readouterr().out.splitlines()
-    assert len(rows) == 4, "those that are too faint, or healthy, are not asked"
+    assert len(rows) == 6, "those that are too faint, or healthy, are not asked"
     cells = rows[2].split(" | ")
     assert cells[:3] == ["| tilted", "rope", "gravity_tilt"]
     left, with_it, later, later_with_it, elsewhere, elsewhere_with_it = map(float, cells[3:9])
@@ -67,9 +67,13 @@ def test_a_tilt_that_is_known_explains_what_the_plain_twin_leaves(tmp_path, caps
     off = dict(one.split() for one in cells[10].rstrip(" |").split(", "))
     assert set(off) == {"about_x", "about_y"}
     assert max(map(float, off.values())) < 2.0
-    assert rows[3].startswith("1 worlds: e-folds explained of what is left ")
-    assert "; 0 are worse there with it; " in rows[3]
-    assert " of 2 intervals of strengths hold the truth, nine of ten " in rows[3]
+    for row, which in (
+        (rows[3], "1 worlds: e-folds explained "),
+        (rows[4], "1 of signal-to-noise 2 or more: "),
+    ):
+        assert row.startswith(which)
+        assert row.endswith("; 0 are worse there with it")
+    assert " of 2 intervals of strengths hold the truth, nine of ten " in rows[5]
 
 
 def test_a_strength_is_off_by_what_its_interval_reaches_to_that_side():
