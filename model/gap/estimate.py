@@ -127,10 +127,9 @@ def descended(
     Returns:
         Of `scipy.optimize.least_squares`; the last residuals, one a coordinate, are of what is believed.
     """
-    begin = vector
 
     def residuals(at: Float64[Array, " d"]) -> Float64[Array, " r"]:
-        seen = left if np.array_equal(at, begin) else misfit(at[None])[0]
+        seen = left if np.array_equal(at, vector) else misfit(at[None])[0]
         return np.concatenate([seen, belief.residuals(at)])
 
     looked: list[Float64[Array, "r d"]] = []
@@ -141,11 +140,11 @@ def descended(
         return looked[-1]
 
     low, high = misfit.bounds
-    more, found = steps, None
+    begin, more, found = vector, steps, None
     for width in STEPS:
         found = least_squares(
             residuals,
-            vector,
+            begin,
             partial(jacobian, width=width),
             bounds=(low, high),
             max_nfev=1 + TRIALS * (more - 1),
@@ -153,7 +152,7 @@ def descended(
             ftol=1e-3,
             callback=_after(more - 1),
         )
-        vector, more = np.clip(found.x, low + 1e-6, high - 1e-6), more - found.njev
+        begin, more = np.clip(found.x, low + 1e-6, high - 1e-6), more - found.njev
         if more <= 0:
             break
     return found

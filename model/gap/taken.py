@@ -73,8 +73,8 @@ class Taken:
     def other(self, whole: Observation, name: str) -> Observation:
         """What is taken of another recording of the object, to confirm what this one says.
 
-        The same points, if those were tracked. One in which nothing moves confirms little, but no other is at
-        fault for that: there is a warning.
+        The same points, if those were tracked. One in which nothing moves confirms little: it is taken with a
+        warning, since the first can be diagnosed all the same.
 
         Args:
             whole: Within its contract.

@@ -102,13 +102,9 @@ class Transferred:
         """
         if not own:
             return {}
-        span = Span(0, self.first - 1, self.state)
         free = hypothesis.holding({name: value for name, value in known.items() if name not in own})
-        misfit = Misfit(free, self.observer, span, self.told_noise)
-        start = misfit.coordinates.vector({name: known[name] for name in own})
-        if hypothesis.effects:
-            misfit.divide(start)
-        return estimate(misfit, start[None], STEPS, self.first, slopes=False).values
+        before = self.misfit(free).until(self.first - 1)
+        return _fitted(before, known, slopes=False).values
 
     def followed(self, one: Fitted) -> Followed:
         """A twin in all frames of this recording, its effects as strong as in the first.
@@ -150,12 +146,7 @@ class Transferred:
         misfit = self.misfit(hypothesis)
         known = {**values, **self.own}
         start = {name: known.get(name, q.start) for name, q in hypothesis.quantities.items()}
-        whole = len(self.twin.observation.times)
-        vector = misfit.coordinates.vector(start)
-        if hypothesis.effects:
-            misfit.divide(vector)
-        found = estimate(misfit, vector[None], STEPS, whole, slopes=slopes)
-        return Followed(misfit, found), start
+        return Followed(misfit, _fitted(misfit, start, slopes=slopes)), start
 
     def study(self, first: Study) -> Study:
         """The plain twin fitted to this recording, for what it shows of effects: all frames are seen by it.
@@ -167,6 +158,14 @@ class Transferred:
         plain = replace(first.plain, twin=self.twin)
         (misfit, base), start = self._followed(plain, first.base.values)
         return Study(seen, plain, self.observer, misfit, start, base, self.noise, len(seen.times))
+
+
+def _fitted(misfit: Misfit, start: Mapping[str, float], *, slopes: bool) -> Estimate:
+    """What is free, to all frames of a misfit at once."""
+    vector = misfit.coordinates.vector(start)
+    if misfit.hypothesis.effects:
+        misfit.divide(vector)
+    return estimate(misfit, vector[None], STEPS, misfit.span.last + 1, slopes=slopes)
 
 
 def transferred(study: Study, observation: Observation) -> Transferred:
