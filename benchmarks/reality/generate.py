@@ -20,7 +20,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from benchmarks.reality.labels import known_labels, write_labels
 from benchmarks.reality.magnitude import Simulate, checked_gap, hopeless, measure, tune
 from benchmarks.reality.recipe import BLOCK, LAST, MAGNITUDES, SPLITS, Recipe, Split, Wanted, draw_recipe
 from benchmarks.reality.sensor import Sensor, lagging, report
+from benchmarks.reality.side import cameras, facing_of_line, facing_of_volume, kept
 from benchmarks.reality.tube import on_skin
 from benchmarks.reality.world import Array, Effect, Motion, Runaway, World
 
@@ -42,6 +43,9 @@ TRIES, CHOOSY = 12, 3
 """Draws of a world; the first `CHOOSY` are thrown away where the effect is far from its target."""
 WITHIN = 1.6
 """Factor within which that is."""
+Tracked = Literal["around", "skin", "side"]
+"""Which points: all around solids, and of ropes along their middle line; of ropes on their skin; and of those
+of solids and of skins the ones that one or two cameras see in the first frame."""
 
 
 def generator(name: str) -> Simulate:
@@ -58,16 +62,16 @@ def make(
     wanted: Wanted | None = None,
     choosy: int = CHOOSY,
     *,
-    skin: bool = False,
+    tracked: Tracked = "around",
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]]:
-    """Observation, transfer observation, label of one world; of a rope its `skin` is seen or its line."""
+    """Observation, transfer observation, label of one world."""
     simulate = generator(generator_name)
     for attempt in range(TRIES):
         recipe = draw_recipe(seed, split, index, attempt, wanted)
         rng = np.random.default_rng([SPLITS[split], seed, 4, index, attempt])
         try:
             within = np.inf if attempt >= choosy else WITHIN
-            done = _realise(recipe, simulate, rng, within, (seed, index) if skin else None)
+            done = _realise(recipe, simulate, rng, within, tracked, (seed, index))
         except Runaway:
             continue
         if done is not None:
@@ -85,7 +89,8 @@ def _realise(
     simulate: Simulate,
     rng: np.random.Generator,
     within: float,
-    skin: tuple[int, int] | None = None,
+    tracked: Tracked,
+    place: tuple[int, int],
 ) -> tuple[dict[str, Array], dict[str, Array], dict[str, Any]] | None:
     sensor, again = recipe.sensor, recipe.transfer_sensor
     effects: list[Effect] = []
@@ -114,15 +119,33 @@ def _realise(
     transfer = simulate(_lag(recipe.transfer.with_effects(*effects), again))
     if not (_sane(motion) and _sane(transfer)):
         return None
-    if skin is not None and recipe.world.shape.kind == "rope":
-        # the same places in both
-        motion, transfer = (
-            on_skin(each, recipe.world.shape.radius, np.random.default_rng(skin))
-            for each in (motion, transfer)
-        )
+    motion, transfer = _seen(recipe, (motion, transfer), tracked, place)
     observation = report(motion.points, recipe.world.scene, sensor, rng)
     second = report(transfer.points, recipe.transfer.scene, again, rng)
     return observation, second, _label(recipe, effects, motion, magnitude)
+
+
+def _seen(
+    recipe: Recipe, motions: tuple[Motion, Motion], tracked: Tracked, place: tuple[int, int]
+) -> tuple[Motion, Motion]:
+    """The same places in both; `place` says where on a skin they are, and where cameras stand."""
+    first, second = motions
+    shape, scene = recipe.world.shape, recipe.world.scene
+    if tracked == "around" or shape.kind == "sheet":
+        return motions
+    if shape.kind == "rope":
+        line = first.points[0]
+        first, second = (
+            on_skin(each, shape.radius, np.random.default_rng(place)) for each in (first, second)
+        )
+    if tracked == "skin":
+        return first, second
+    eyes = cameras(recipe.sensor.camera, scene, np.random.default_rng([*place, 6]))
+    if shape.kind == "rope":
+        seen = facing_of_line(first.points[0], line, eyes)
+    else:
+        seen = facing_of_volume(shape.surface, shape.inside, scene, eyes)
+    return kept(first, seen), kept(second, seen)
 
 
 def _lag(world: World, sensor: Sensor) -> World:
@@ -182,14 +205,16 @@ def _name(split: Split, seed: int, index: int) -> str:
     return hashlib.sha256(f"{split} {seed} {index}".encode()).hexdigest()[:10]
 
 
-Job = tuple[int, Split, int, str, Wanted, int, bool, Path]
+Job = tuple[int, Split, int, str, Wanted, int, Tracked, Path]
 
 
 def _work(job: Job) -> dict[str, Any] | None:
-    seed, split, index, generator_name, wanted, choosy, skin, out = job
+    seed, split, index, generator_name, wanted, choosy, tracked, out = job
     name = _name(split, seed, index)
     try:
-        observation, transfer, label = make(seed, split, index, generator_name, wanted, choosy, skin=skin)
+        observation, transfer, label = make(
+            seed, split, index, generator_name, wanted, choosy, tracked=tracked
+        )
     except RuntimeError as error:
         print(error, file=sys.stderr)
         return None
@@ -220,23 +245,29 @@ def main(arguments: list[str] | None = None) -> int:
         "--choosy", type=int, default=CHOOSY, help="draws that have to be near the target"
     )
     development.add_argument(
-        "--skin", action="store_true", help="of ropes the skin is seen, not the middle line"
+        "--tracked",
+        choices=get_args(Tracked),
+        default="around",
+        help="points all around solids and along the middle of ropes, on the skin of ropes too, or of both"
+        " what one or two cameras see at first",
     )
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args(arguments)
     if options.split == "test" and options.generator not in (None, GENERATORS["test"]):
         parser.error("test worlds have a generator of their own")
     wanted = Wanted(tuple(options.only), tuple(options.targets))
-    if options.split == "test" and (wanted != Wanted() or options.choosy != CHOOSY or options.skin):
+    if options.split == "test" and (
+        wanted != Wanted() or options.choosy != CHOOSY or options.tracked != "around"
+    ):
         parser.error(
-            "test worlds are drawn as they come: --only, --targets, --choosy and --skin are for development"
+            "test worlds come as they are drawn: --only, --targets, --choosy, --tracked are for development"
         )
     chosen = options.generator or GENERATORS[options.split]
     options.out.mkdir(parents=True, exist_ok=True)
     labels = known_labels(options.out)
     made = {label["world"] for label in labels}
     jobs = [
-        (options.seed, options.split, index, chosen, wanted, options.choosy, options.skin, options.out)
+        (options.seed, options.split, index, chosen, wanted, options.choosy, options.tracked, options.out)
         for index in range(options.first, options.first + options.count)
         if _name(options.split, options.seed, index) not in made
     ]
