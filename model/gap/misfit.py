@@ -11,9 +11,9 @@ from jaxtyping import Bool, Float64, Int64
 
 from model.gap.belief import LOOSE, Belief, residual_unit
 from model.gap.coordinates import Coordinates
+from model.gap.erring_hand import HAND, HOLD
 from model.gap.hypothesis import Hypothesis
 from model.gap.observer import Observer
-from model.gap.plain import HAND, HOLD
 from model.gap.world import World
 from model.simulator.pace import TooManySubsteps
 from model.simulator.system import State

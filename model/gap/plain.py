@@ -16,6 +16,7 @@ from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
 from model.gap.carried import carrying_able
 from model.gap.effects.base import Quantity
+from model.gap.erring_hand import ErringHands
 from model.gap.matter import ONE_HAND, Matter
 from model.gap.prestress import Rest, resting
 from model.gap.sight import Sight
@@ -49,23 +50,8 @@ MODES = {"rope": 1, "sheet": 2, "solid": 2}
 """Along so many of the longest axes of the body stiffness may grow from one end to the other."""
 LEAST_AWAY = 1e-9
 """Length [m] below which a body has no extent along an axis: of a row of points two have none."""
-HAND = "hand_"
-"""How quantities begin that say by how much a hand is elsewhere than it was measured to be."""
-MOST_HANDS = 2
-"""Of more, none is taken to be elsewhere."""
-ELSEWHERE = 0.01
-"""A hand is at most so far from where it was measured to be, along each axis [m]."""
-HOLD = "hold_"
-"""How quantities begin that say by how much a hand holds the body elsewhere than its controllers are."""
-ASIDE = 0.75
-"""Grasps: it holds at most so far from them, along each axis."""
-ERRING, BESIDE = 0.003, 0.375
-"""How far a hand usually is from where it was measured to be [m], and from where it holds the body [grasps],
-along each axis."""
 EVEN = 0.225
 """Powers of e by which the ends of a body are usually stiffer or softer than its middle."""
-EASED = 0.15
-"""Time in which it comes to be there [s]: the first frame is at rest."""
 
 
 @dataclass(frozen=True)
@@ -172,10 +158,7 @@ class PlainTwin:
             own["grip"] = _reaching("1", (FIRM, 50.0), start["grip"], 1.5)
             if not self.hand_known:
                 own["reach"] = Quantity("1", (0.03, 1.5), start["reach"], log=True, spread=1.5)
-            grasp = self.body.grasp
-            away = Quantity("m", (-ELSEWHERE, ELSEWHERE), 0.0, spread=ERRING)
-            aside = Quantity("m", (-ASIDE * grasp, ASIDE * grasp), 0.0, spread=BESIDE * grasp)
-            own |= dict.fromkeys(self._each_hand(HAND), away) | dict.fromkeys(self._each_hand(HOLD), aside)
+            own |= self._hands.quantities(self.body.grasp)
         if self.observation.ground_height is not None:
             own["friction"] = _reaching("1", (0.02, 2.0), start["friction"], 1.0)
         if self.matter.bending_decay and self.matter.slackness:
@@ -189,11 +172,9 @@ class PlainTwin:
             own[f"gradient_{mode + 1}"] = Quantity("1", (-1.5, 1.5), 0.0, spread=EVEN)
         return own
 
-    def _each_hand(self, of: str) -> list[str]:
-        """Quantities whose names begin like this, hand by hand, x, y and z."""
-        count = 0 if self.matter.hold is None else int(self.matter.hold.hands.max(initial=-1)) + 1
-        hands = range(1, count + 1) if count <= MOST_HANDS else ()
-        return [f"{of}{hand}_{axis}" for hand in hands for axis in "xyz"]
+    @property
+    def _hands(self) -> ErringHands:
+        return ErringHands(self.matter.hold)
 
     @property
     def _stiffest(self) -> float:
@@ -248,8 +229,8 @@ class PlainTwin:
         stiffness: Tensor = values["grip"] * values["stiffness"] * torch.from_numpy(matter.grip_pattern)
         if self.hand_known:
             return stiffness
-        moved = self._by_hand(HOLD, values)
-        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp, moved)
+        aside = self._hands.aside(values)
+        faded: Tensor = stiffness * matter.fading(values["reach"] * self.body.grasp, aside)
         return faded
 
     def _controls(self, values: Values, dtype: torch.dtype) -> Float[Tensor, "T *b H 3"]:
@@ -257,31 +238,12 @@ class PlainTwin:
         controls = torch.from_numpy(self.controls).to(dtype)
         if self.hand_known:
             return controls
-        controls = self._displaced(controls, values)
+        controls = self._hands.displaced(controls, values, self.observation.times)
         load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
         beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load
         far = FARTHEST * self.body.grasp
         beyond = (far * torch.tanh(beyond / far)).to(dtype)
         return (controls.unsqueeze(1) if beyond.ndim == controls.ndim else controls) + beyond
-
-    def _displaced(self, controls: Float[Tensor, "T H 3"], values: Values) -> Float[Tensor, "T *b H 3"]:
-        """The same with each hand where it is, rather than where it was measured to be."""
-        away = self._by_hand(HAND, values)
-        if away is None or self.matter.hold is None:
-            return controls
-        away, batch = away.to(controls), away.shape[:-2]
-        passed = torch.from_numpy(self.observation.times - self.observation.times[0]).to(controls)
-        eased = (passed / EASED).clamp(max=1.0).reshape(-1, *[1] * (away.ndim))
-        still = controls.reshape(len(controls), *[1] * len(batch), -1, 3)
-        return still + eased * away[..., self.matter.hold.hands, :]
-
-    def _by_hand(self, of: str, values: Values) -> Float[Tensor, "*b n 3"] | None:
-        """These quantities of all hands [m]; None: there are none."""
-        names = self._each_hand(of)
-        if not names:
-            return None
-        batch = values[names[0]].shape[:-1]
-        return torch.stack([values[name] for name in names], -1).reshape(*batch, -1, 3)
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""

@@ -7,12 +7,13 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.stats import qmc
 
 from model.gap.bodies.body import body_of
+from model.gap.erring_hand import HAND, HOLD
 from model.gap.estimate import FIRST_HORIZON, Estimate, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import HAND, HOLD, PlainTwin
+from model.gap.plain import PlainTwin
 from model.gap.side_by_side import side_by_side
 from model.types import Array, Observation
 

@@ -16,13 +16,14 @@ from model.gap.bodies.hidden import hiding
 from model.gap.bodies.rest import rest_places
 from model.gap.carried import idle
 from model.gap.confirm import Fitted
+from model.gap.erring_hand import HAND, HOLD
 from model.gap.estimate import Estimate, estimate
 from model.gap.forecast import Forecast, forecast
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import HAND, HOLD, PlainTwin
+from model.gap.plain import PlainTwin
 from model.gap.posed import posed
 from model.gap.posed_by_shape import posed_by_shape
 from model.gap.prestress import Rest

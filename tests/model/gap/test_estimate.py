@@ -11,12 +11,13 @@ from model.gap.belief import Belief
 from model.gap.bodies.body import body_of
 from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Quantity
+from model.gap.erring_hand import ERRING, HAND, HOLD
 from model.gap.estimate import estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import STEADY, WIDEST, Misfit, Span
 from model.gap.noise import noise_of
 from model.gap.observer import Observer
-from model.gap.plain import ERRING, EVEN, HAND, HOLD, PlainTwin
+from model.gap.plain import EVEN, PlainTwin
 from model.types import Observation
 
 FRAMES = 40

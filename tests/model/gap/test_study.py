@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from model.gap.erring_hand import HAND, HOLD
 from model.gap.estimate import FIRST_HORIZON, estimate
 from model.gap.misfit import Span
-from model.gap.plain import HAND, HOLD
 from model.gap.study import FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
 # a fit takes the substeps of its first worlds for all; `diagnose` is silent about it as well
