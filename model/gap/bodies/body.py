@@ -17,6 +17,7 @@ from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import chain, is_thick
 from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
+from model.gap.bodies.tension import stands
 from model.gap.bodies.underside import underside
 from model.gap.noise import noise_of
 from model.types import Array, Observation
@@ -92,14 +93,16 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
 
 
 def shape_of(observation: Observation, places: Float64[Array, "N 3"]) -> Shape:
-    """By how its points lie; a sheet that is borne from below is one side of a solid.
+    """By how its points lie; a sheet that something bears from below is one side of a solid.
 
     Args:
         observation: Whose ground and hands count.
         places: Points on the object in the first frame [m].
     """
     shape = guess_shape(places)
-    return "solid" if shape == "sheet" and is_borne(observation, places) else shape
+    if shape == "sheet" and (is_borne(observation, places) or stands(observation, places)):
+        return "solid"
+    return shape
 
 
 def with_skin(

@@ -6,9 +6,10 @@ above the ground, where no hand is, pushes from below.
 """
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
+from model.gap.bodies.unheld import unheld
 from model.gap.size import size_of
 from model.types import Array, Observation
 
@@ -17,9 +18,9 @@ BORNE = 0.1
 solids that lie, and of six cloths, by a generator of another hand: 0.18 to 0.49, and 0."""
 PATCH = 14
 """Points, with itself, whose curvature tells how the surface bends at a point."""
-RAISED, LEVEL, UNHELD = 0.12, 0.5, 0.2
-"""Looked at is what is above the ground by more than such a share of the object's size, faces up or down by
-such a cosine at least, and is farther from hands than such a share of the size."""
+RAISED, LEVEL = 0.12, 0.5
+"""Looked at is what is above the ground by more than such a share of the object's size, and faces up or down
+by such a cosine at least, where no hand is near."""
 BENT = 0.3
 """Curvature over that of a ball as large as the object, below which a patch is flat but for noise."""
 
@@ -39,20 +40,6 @@ def is_borne(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
     limit = 2.0 * BENT / size
     up, down = (asked & (side * curvature > limit) for side in (-1.0, 1.0))
     return bool(up.mean() - down.mean() > BORNE)
-
-
-def unheld(observation: Observation, places: Float64[Array, "N 3"]) -> Bool[Array, " N"]:
-    """Which places on an object are far from all hands in the first frame.
-
-    Args:
-        observation: Whose hands count.
-        places: Points on the object [m].
-    """
-    hands = observation.controllers[0].astype(np.float64)
-    if not len(hands):
-        return np.ones(len(places), bool)
-    far: Bool[Array, " N"] = cKDTree(hands).query(places)[0] > UNHELD * size_of(places)
-    return far
 
 
 def _upward(places: Float64[Array, "N 3"]) -> tuple[Float64[Array, " N"], Float64[Array, " N"]]:

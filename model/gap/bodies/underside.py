@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.spatial import cKDTree
 
-from model.gap.bodies.borne import unheld
+from model.gap.bodies.falling import falls
 from model.gap.bodies.neighbours import usual_distance
+from model.gap.bodies.unheld import unheld
 from model.gap.size import size_of
 from model.types import Array, Observation
 
@@ -32,8 +33,6 @@ AROUND, TOP = 2.0, 0.6
 BARE = 0.1
 """Of what is seen, at least, has nothing below: of 80 recordings of solids that are seen all around 0.00 to
 0.06, of 16 from above and aside 0.13 to 0.76."""
-SOON, FALLEN = 0.12, 0.3
-"""After so long [s] what nothing bears is lower by more than such a share of a free fall."""
 
 
 def underside(observation: Observation, places: Float64[Array, "N 3"]) -> Float64[Array, "U 3"]:
@@ -69,14 +68,7 @@ def _bare(places: Float64[Array, "N 3"], ground: float) -> Bool[Array, " N"]:
 def _lies(observation: Observation, places: Float64[Array, "N 3"], low: float, high: float) -> bool:
     """Whether it ends on the ground or not far above, and does not fall; from `low` to `high` [m] above."""
     most = MOST_HELD if _may_hang(observation, places) else MOST
-    if not low < most * high:
-        return False
-    since = np.asarray(observation.times, np.float64) - observation.times[0]
-    soon = min(int(np.searchsorted(since, SOON)), len(since) - 1)
-    lower = observation.points[0, :, 2] - observation.points[soon, :, 2]
-    both = lower[np.isfinite(lower)]
-    falls = 0.5 * float(np.linalg.norm(observation.gravity)) * float(since[soon]) ** 2
-    return len(both) == 0 or float(np.median(both)) < FALLEN * max(falls, 1e-12)
+    return low < most * high and not falls(observation)
 
 
 def _may_hang(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
