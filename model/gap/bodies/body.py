@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 from model.errors import InputError
 from model.gap.bodies.aside import Aside
 from model.gap.bodies.borne import is_borne
+from model.gap.bodies.bridged import bridged
 from model.gap.bodies.guess import Shape, guess_shape
 from model.gap.bodies.hidden import hidden_points, hiding
 from model.gap.bodies.neighbours import pairs_within
@@ -143,6 +144,7 @@ def _joined(
         points, spacing = lattice(np.concatenate([places, below]), scale)
     hands = observation.controllers[0, hiding(points, seen, observation, spacing)].astype(np.float64)
     points = np.concatenate([points, hidden_points(points, hands, shape, spacing)])
+    points = bridged(points, REACH[shape] * spacing, LEAST, spacing)
     return points, pairs_within(points, REACH[shape] * spacing, least=LEAST), spacing
 
 

@@ -1,0 +1,77 @@
+"""What joins the parts of an object between which nothing is seen.
+
+Seen from its side, a doll is a head, an arm and a leg far from each other: without what joins them its legs
+would fall to the ground. One object hangs together.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from model.gap.bodies.neighbours import pairs_within
+from model.types import Array
+
+APART = 0.6
+"""Spacings: no point of a bridge is nearer to another point."""
+
+
+def bridged(points: Float64[Array, "P 3"], reach: float, least: int, spacing: float) -> Float64[Array, "Q 3"]:
+    """The points and, behind them, those of bridges that make of all one body.
+
+    The two parts that are nearest to each other are joined first, along straight lines from where they face
+    each other.
+
+    Args:
+        points: Of the body [m].
+        reach: How far points are joined [m].
+        least: Neighbours that every point is joined to, however far.
+        spacing: Of the points [m].
+    """
+    part = _parts(points, reach, least)
+    while part.max() > 0:
+        more = _bridge(points, part == part[_nearest(points, part)], spacing)
+        if not len(more):
+            break
+        points = np.concatenate([points, more])
+        part = _parts(points, reach, least)
+    return points
+
+
+def _parts(points: Float64[Array, "P 3"], reach: float, least: int) -> Int64[Array, " P"]:
+    """Which of the parts that hang together each point is of."""
+    first, second = pairs_within(points, reach, least).T
+    joined = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(points), len(points)))
+    parts: Int64[Array, " P"] = connected_components(joined, directed=False)[1].astype(np.int64)
+    return parts
+
+
+def _nearest(points: Float64[Array, "P 3"], part: Int64[Array, " P"]) -> int:
+    """The point that is nearest to one of another part."""
+    away = [_away(points, part == each)[0] for each in range(part.max() + 1)]
+    near = min(range(len(away)), key=lambda each: float(away[each].min()))
+    return int(np.flatnonzero(part == near)[away[near].argmin()])
+
+
+def _away(
+    points: Float64[Array, "P 3"], own: Bool[Array, " P"]
+) -> tuple[Float64[Array, " n"], Int64[Array, " n"]]:
+    """Of its own points how far the rest is [m], and which of it is nearest."""
+    distance, index = cKDTree(points[~own]).query(points[own])
+    return distance, np.flatnonzero(~own)[index].astype(np.int64)
+
+
+def _bridge(points: Float64[Array, "P 3"], own: Bool[Array, " P"], spacing: float) -> Float64[Array, "B 3"]:
+    """New points on lines from a part to what it faces."""
+    away, other = _away(points, own)
+    facing = away <= away.min() + spacing
+    starts, ends = points[own][facing], points[other[facing]]
+    steps = int(np.ceil(away[facing].max() / spacing))
+    share = np.arange(1, steps)[:, None, None] / steps
+    kept = [*points]
+    for place in (starts + share * (ends - starts)).reshape(-1, 3):
+        if np.linalg.norm(np.asarray(kept) - place, axis=1).min() >= APART * spacing:
+            kept.append(place)
+    made: Float64[Array, "B 3"] = np.asarray(kept)[len(points) :].reshape(-1, 3)
+    return made
