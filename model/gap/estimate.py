@@ -48,7 +48,8 @@ def estimate(
     """The best of several starts, followed to its minimum over a growing horizon.
 
     Soft bodies that swing are nearly chaotic: over a long horizon the misfit is rough and its valleys narrow.
-    Over a few frames it is smooth, and each longer horizon starts where the last one ended.
+    Over a few frames it is smooth, and each longer horizon starts where the last one ended; the whole one
+    where the first began, if that leaves less there.
 
     Args:
         misfit: What is to be small.
@@ -59,18 +60,21 @@ def estimate(
         slopes: Where it ends slopes are looked at as well. Without, they are those of the step before.
     """
     spent = 0
-    vector = found = belief = None
+    low, high = misfit.coordinates.bounds
+    inside = np.clip(starts, low + 1e-6, high - 1e-6)
+    vector = begun = inside[0]
+    found = belief = None
     for last in _horizons(misfit.span, shortest):
         part = misfit.until(last)
-        low, high = part.coordinates.bounds
-        if vector is None:
-            inside = np.clip(starts, low + 1e-6, high - 1e-6)
-            vector = inside[0]
-            if len(inside) > 1:
-                vector = inside[int((part(inside) ** 2).mean(1).argmin())]
-                part.settle()
+        if found is None and len(inside) > 1:
+            vector = begun = inside[int((part(inside) ** 2).mean(1).argmin())]
+            part.settle()
         ends = last == misfit.span.last
         left = part(vector[None])[0]
+        if ends and found is not None:
+            before = part(begun[None])[0]
+            if (before**2).mean() < (left**2).mean():
+                vector, left = begun, before
         belief = part.belief(left, starts[0])
         found = descended(part, vector, left, belief, steps, slopes=slopes and ends)
         vector = np.clip(found.x, low + 1e-6, high - 1e-6)
@@ -78,7 +82,6 @@ def estimate(
             own = slice(-len(vector))
             found.jac[own] = part.renewed(found.x, found.jac[own])
         spent += part.evaluations
-    assert vector is not None
     assert found is not None
     assert belief is not None
     count = len(found.fun) - len(vector)

@@ -25,19 +25,27 @@ from model.simulator.parameters import Constant, TensorLike
 class DamagedSpring(AxialForce):
     r"""What a damaged spring lacks.
 
-    $f = -k\,(|d| - L)\,\alpha\,m/(m + s)$, with m the largest strain that the spring has seen; of compression
-    no more than $1 - \beta$ of it is lost, which is all that a slack spring bears.
+    $f = -k\,(|d| - L)\,\alpha\,(1 - e^{-g/s})$ with $g = (m - p\,\max(\varepsilon, 0))_+$, where m is the
+    largest strain $\varepsilon$ that the spring has seen; of compression no more than $1 - \beta$ of it is
+    lost, which is all that a slack spring bears.
+
+    With p = 0 what is lost is lost at any strain, also while it is strained for the first time; with p = 1 on
+    the way back alone: where it is strained as far as ever it has all of its stiffness.
 
     Args:
         stiffness: k [N/m] of the linear spring, shape [spring_count].
         share: How strongly it acts on each spring [1], shape [spring_count].
         softening: $\alpha$ [1]: the share of the stiffness that can be lost.
-        damage_strain: s [1], at which half of that is lost.
+        damage_strain: s [1], beyond which most of that is lost.
+        pseudo_elasticity: p [1], 0..1.
         slackness: $\beta$ [1], shape [spring_count].
 
     Reference:
         Mullins (1969), Softening of rubber by deformation, Rubber chemistry and technology 42 (the stress
-        depends on the largest strain before); Simo (1987), a strain-driven damage variable.
+        depends on the largest strain before); Simo (1987), On a fully three-dimensional finite-strain
+        viscoelastic damage model, Computer methods in applied mechanics and engineering 60 (p = 0); Ogden and
+        Roxburgh (1999), A pseudo-elastic model for the Mullins effect in filled rubber, Proceedings of the
+        Royal Society A 455 (p = 1).
     """
 
     name = "damage"
@@ -47,6 +55,7 @@ class DamagedSpring(AxialForce):
         "share": Constant("1", "springs", (0.0, 1.0)),
         "softening": Constant("1", "scene", (0.0, 0.9)),
         "damage_strain": Constant("1", "scene", (0.02, 0.3)),
+        "pseudo_elasticity": Constant("1", "scene", (0.0, 1.0)),
         "slackness": Constant("1", "springs", (0.0, 1.0)),
     }
     memory: ClassVar[Mapping[str, float]] = {"largest_strain": 0.0}
@@ -57,6 +66,7 @@ class DamagedSpring(AxialForce):
         share: TensorLike,
         softening: TensorLike,
         damage_strain: TensorLike,
+        pseudo_elasticity: TensorLike,
         slackness: TensorLike,
     ) -> None:
         """See the class."""
@@ -65,6 +75,7 @@ class DamagedSpring(AxialForce):
             share=share,
             softening=softening,
             damage_strain=damage_strain,
+            pseudo_elasticity=pseudo_elasticity,
             slackness=slackness,
         )
 
@@ -76,12 +87,15 @@ class DamagedSpring(AxialForce):
         share: Scalar,
         softening: Scalar,
         damage_strain: Scalar,
+        pseudo_elasticity: Scalar,
         slackness: Scalar,
         largest_strain: Scalar,
     ) -> tuple[Scalar, Scalar]:
         """What the tension loses [N], and the largest strain so far."""
-        largest = torch.maximum(largest_strain, length / rest_length - 1.0)
-        lost = share * softening * largest / (largest + damage_strain)
+        strain = length / rest_length - 1.0
+        largest = torch.maximum(largest_strain, strain)
+        beyond = torch.relu(largest - pseudo_elasticity * torch.relu(strain))
+        lost = share * softening * (1.0 - torch.exp(-beyond / damage_strain))
         return -stiffness * lost * borne(length - rest_length, slackness), largest
 
 
@@ -94,9 +108,10 @@ class Damage(Effect):
     quantities: ClassVar[Mapping[str, Quantity]] = {
         "softening": Quantity("1", (0.0, 0.95), 0.3),
         "damage_strain": Quantity("1", (0.005, 0.5), 0.05, log=True),
+        "pseudo_elasticity": Quantity("1", (0.0, 1.0), 0.5),
     }
     absent: ClassVar[Mapping[str, float]] = {"softening": 0.0}
-    grid: ClassVar[Grid] = {"damage_strain": (0.01, 0.05, 0.2)}
+    grid: ClassVar[Grid] = {"damage_strain": (0.01, 0.05, 0.2), "pseudo_elasticity": (0.0, 1.0)}
     terms = (DamagedSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "plasticity": "stretch to the same length again",

@@ -12,7 +12,7 @@ from model.gap.bodies.body import body_of
 from model.gap.coordinates import Coordinates
 from model.gap.effects.base import Quantity
 from model.gap.erring_hand import ERRING, HAND, HOLD
-from model.gap.estimate import estimate
+from model.gap.estimate import descended, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import STEADY, WIDEST, Misfit, Span
 from model.gap.noise import noise_of
@@ -218,3 +218,31 @@ def test_a_world_that_diverges_is_lost_and_no_other_is_rolled_out_again(soft_and
     np.testing.assert_allclose(rows[:1], misfit(soft[None]), rtol=0.0, atol=0.01)
     assert (rows[1] == misfit.observer.lost / misfit.noise).all()
     assert (misfit(stiff[None]) == misfit.observer.lost / misfit.noise).all()
+
+
+def test_short_horizons_lead_no_fit_away_from_where_it_began(followed, monkeypatch):
+    """What they say may be wrong of all frames: then the whole horizon begins where the first one did."""
+    misfit, start = followed(stiffness=3.0)
+    true = misfit.coordinates.vector({**start, "stiffness": 3.0 * start["stiffness"]})
+    whole, began = Misfit.__call__, []
+
+    def misled(self, vectors):
+        """The first frames want everything at its lower bounds."""
+        left = whole(self, vectors)
+        if self.span.last < misfit.span.last:
+            return left + 10.0 * (vectors - misfit.coordinates.bounds[0]).sum(1, keepdims=True)
+        return left
+
+    def watched(part, vector, *others, **options):
+        began.append((part.span.last, vector))
+        return descended(part, vector, *others, **options)
+
+    monkeypatch.setattr(Misfit, "__call__", misled)
+    monkeypatch.setattr("model.gap.estimate.descended", watched)
+    found = estimate(misfit, true[None], 2)
+    (first, *between, (last, finally_)) = began
+    np.testing.assert_array_equal(first[1], true)
+    assert last == misfit.span.last
+    assert max(np.abs(vector - true).max() for _, vector in between) > 0.5, "they led away"
+    np.testing.assert_array_equal(finally_, true)
+    assert found.cost <= float((whole(misfit, true[None]) ** 2).mean())

@@ -71,7 +71,7 @@ def test_slack_springs_are_nothing_that_cloth_may_lack(hung):
 @pytest.mark.parametrize(
     ("effect", "values"),
     [
-        (Damage(), {"softening": 0.9, "damage_strain": 0.01}),
+        (Damage(), {"softening": 0.9, "damage_strain": 0.01, "pseudo_elasticity": 0.0}),
         (Plasticity(), {"flow_rate": 100.0, "yield_strain": 0.005}),
     ],
 )
