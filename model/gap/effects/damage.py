@@ -25,7 +25,7 @@ from model.simulator.parameters import Constant, TensorLike
 class DamagedSpring(AxialForce):
     r"""What a damaged spring lacks.
 
-    $f = -k\,(|d| - L)\,\alpha\,(1 - e^{-g/s})$ with $g = (m - p\,\max(\varepsilon, 0))_+$, where m is the
+    $f = -k\,(|d| - L)\,\alpha\,\tanh(g/s)$ with $g = (m - p\,\max(\varepsilon, 0))_+$, where m is the
     largest strain $\varepsilon$ that the spring has seen; of compression no more than $1 - \beta$ of it is
     lost, which is all that a slack spring bears.
 
@@ -36,16 +36,17 @@ class DamagedSpring(AxialForce):
         stiffness: k [N/m] of the linear spring, shape [spring_count].
         share: How strongly it acts on each spring [1], shape [spring_count].
         softening: $\alpha$ [1]: the share of the stiffness that can be lost.
-        damage_strain: s [1], beyond which most of that is lost.
+        damage_strain: s [1], at which three quarters of that are lost.
         pseudo_elasticity: p [1], 0..1.
         slackness: $\beta$ [1], shape [spring_count].
 
     Reference:
         Mullins (1969), Softening of rubber by deformation, Rubber chemistry and technology 42 (the stress
         depends on the largest strain before); Simo (1987), On a fully three-dimensional finite-strain
-        viscoelastic damage model, Computer methods in applied mechanics and engineering 60 (p = 0); Ogden and
-        Roxburgh (1999), A pseudo-elastic model for the Mullins effect in filled rubber, Proceedings of the
-        Royal Society A 455 (p = 1).
+        viscoelastic damage model, Computer methods in applied mechanics and engineering 60 (a strain-driven
+        damage variable, as with p = 0); Ogden and Roxburgh (1999), A pseudo-elastic model for the Mullins
+        effect in filled rubber, Proceedings of the Royal Society A 455 (by how far it is below, as with
+        p = 1; with an error function).
     """
 
     name = "damage"
@@ -95,7 +96,7 @@ class DamagedSpring(AxialForce):
         strain = length / rest_length - 1.0
         largest = torch.maximum(largest_strain, strain)
         beyond = torch.relu(largest - pseudo_elasticity * torch.relu(strain))
-        lost = share * softening * (1.0 - torch.exp(-beyond / damage_strain))
+        lost = share * softening * torch.tanh(beyond / damage_strain)
         return -stiffness * lost * borne(length - rest_length, slackness), largest
 
 
@@ -106,7 +107,7 @@ class Damage(Effect):
     source = DamagedSpring.__doc__ or ""
     acts = "body"
     quantities: ClassVar[Mapping[str, Quantity]] = {
-        "softening": Quantity("1", (0.0, 0.95), 0.3),
+        "softening": Quantity("1", (0.0, 0.99), 0.3),
         "damage_strain": Quantity("1", (0.005, 0.5), 0.05, log=True),
         "pseudo_elasticity": Quantity("1", (0.0, 1.0), 0.5),
     }
