@@ -25,19 +25,22 @@ from model.simulator.parameters import Constant, TensorLike
 class PlasticSpring(AxialForce):
     r"""A rest length that flows, by a strain p.
 
-    $f = -k\,L\,p$ with $\dot p = r\,\mathrm{sgn}(e)\max(0, |e| - \varepsilon_y)$, $e = |d|/L - 1 - p$. Of
-    an e below zero a spring that goes slack bears, and feels, $1 - \beta$.
+    $f = -k\,L\,(1 - h)\,p$ with $\dot p = r\,\mathrm{sgn}(e)\max(0, |e| - \varepsilon_y)$,
+    $e = |d|/L - 1 - p$: beside what yields a spring of $h k$ stays elastic and pulls it back. Of an e below
+    zero a spring that goes slack bears, and feels, $1 - \beta$.
 
     Args:
         stiffness: k [N/m] of the linear spring, shape [spring_count].
         share: How strongly it acts on each spring [1], shape [spring_count].
         flow_rate: r [1/s]; the faster, the nearer to perfect plasticity.
         yield_strain: $\varepsilon_y$ [1].
+        hardening: h [1]: the share of the stiffness that is left beyond the yield strain.
         slackness: $\beta$ [1], shape [spring_count].
 
     Reference:
         Perzyna (1966), Fundamental problems in viscoplasticity, Advances in applied mechanics 9 (overstress
-        flow), for one axis.
+        flow), for one axis; Prager (1956), A new method of analyzing stresses and strains in work-hardening
+        plastic solids, Journal of applied mechanics 23 (linear kinematic hardening).
     """
 
     name = "plasticity"
@@ -47,6 +50,7 @@ class PlasticSpring(AxialForce):
         "share": Constant("1", "springs", (0.0, 1.0)),
         "flow_rate": Constant("1/s", "scene", (0.0, 100.0)),
         "yield_strain": Constant("1", "scene", (0.01, 0.05)),
+        "hardening": Constant("1", "scene", (0.0, 0.9)),
         "slackness": Constant("1", "springs", (0.0, 1.0)),
     }
     memory: ClassVar[Mapping[str, float]] = {"plastic_strain": 0.0}
@@ -57,6 +61,7 @@ class PlasticSpring(AxialForce):
         share: TensorLike,
         flow_rate: TensorLike,
         yield_strain: TensorLike,
+        hardening: TensorLike,
         slackness: TensorLike,
     ) -> None:
         """See the class."""
@@ -65,6 +70,7 @@ class PlasticSpring(AxialForce):
             share=share,
             flow_rate=flow_rate,
             yield_strain=yield_strain,
+            hardening=hardening,
             slackness=slackness,
         )
 
@@ -76,6 +82,7 @@ class PlasticSpring(AxialForce):
         share: Scalar,
         flow_rate: Scalar,
         yield_strain: Scalar,
+        hardening: Scalar,
         slackness: Scalar,
         plastic_strain: Scalar,
         dt: Scalar,
@@ -85,7 +92,7 @@ class PlasticSpring(AxialForce):
         elastic = borne(strain - plastic_strain, slackness)
         over = torch.relu(elastic - yield_strain) - torch.relu(-elastic - yield_strain)
         flowed = (1.0 - torch.exp(-flow_rate * dt)) * share * over
-        lost = borne(strain, slackness) - elastic
+        lost = (1.0 - hardening) * (borne(strain, slackness) - elastic)
         return -stiffness * rest_length * lost, plastic_strain + flowed
 
 
@@ -98,9 +105,10 @@ class Plasticity(Effect):
     quantities: ClassVar[Mapping[str, Quantity]] = {
         "flow_rate": Quantity("1/s", (0.02, 100.0), 3.0, log=True),
         "yield_strain": Quantity("1", (0.001, 0.5), 0.03, log=True),
+        "hardening": Quantity("1", (0.0, 0.95), 0.2),
     }
     absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0}
-    grid: ClassVar[Grid] = {"flow_rate": (3.0, 30.0), "yield_strain": (0.005, 0.04)}
+    grid: ClassVar[Grid] = {"flow_rate": (3.0, 30.0), "yield_strain": (0.005, 0.04), "hardening": (0.25,)}
     terms = (PlasticSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {
         "viscoelasticity": "let go, and wait long enough for it to come back",

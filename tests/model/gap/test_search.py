@@ -25,7 +25,7 @@ from model.gap.search import (
 )
 
 DRAG, DELAY = "quadratic_air_drag.drag_per_mass", "actuation_delay.delay"
-YIELDS = {"plasticity.flow_rate": 20.0, "plasticity.yield_strain": 0.02}
+YIELDS = {"plasticity.flow_rate": 20.0, "plasticity.yield_strain": 0.02, "plasticity.hardening": 0.2}
 
 
 @pytest.fixture

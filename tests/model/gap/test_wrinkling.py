@@ -72,7 +72,7 @@ def test_slack_springs_are_nothing_that_cloth_may_lack(hung):
     ("effect", "values"),
     [
         (Damage(), {"softening": 0.9, "damage_strain": 0.01, "pseudo_elasticity": 0.0}),
-        (Plasticity(), {"flow_rate": 100.0, "yield_strain": 0.005}),
+        (Plasticity(), {"flow_rate": 100.0, "yield_strain": 0.005, "hardening": 0.0}),
     ],
 )
 def test_what_a_cloth_has_lost_it_does_not_lose_twice(hung, effect, values):
