@@ -25,12 +25,13 @@ HEALTHY = {"rope": (0.63, 0.38), "sheet": (1.43, 0.83), "solid": (0.86, 0.71)}
 missing, of development worlds (`python -m benchmarks.gap.weighing train`): no lattice is the world."""
 MOST_BEYOND = (-1.0, 2.5)
 """Standard deviations that what is left counts at most as fewer or more."""
-TILT: EffectName = "gravity_tilt"
-WIND: EffectName = "wind"
+WITHIN: Mapping[EffectName, EffectName] = {"gravity_tilt": "wind", "viscoelasticity": "plasticity"}
+"""What the second of them can be like with a quantity more. A wind that is strong and pulls little pushes
+alike everywhere and at all times, as a tilt does; what yields at no strain, slowly, and hardens relaxes as a
+viscous branch does."""
 SIMPLER = 0.5 * float(np.log(2 * BLOCKS))
-"""Nats by which a tilt is likelier than a wind that explains as much, if both were fitted; together they are
-believed as much as without. A wind that is strong and pulls little pushes alike everywhere and at all times,
-which a tilt does with a quantity less: half the logarithm of the blocks of time of two recordings."""
+"""Nats by which the simpler of such two is likelier where it explains as much, if both were fitted; together
+they are believed as much as without: half the logarithm of the blocks of time of two recordings."""
 ASTRAY, ASTRAY_STEP, MOST_ASTRAY = 0.04, 0.01, (-4.0, 8.0)
 """Share of the object's size from which it counts that free runs are off, in which steps, within limits."""
 
@@ -43,7 +44,7 @@ class Weighing:
 
     Reference:
         McFadden (1974), Conditional logit analysis of qualitative choice behavior, Frontiers in Econometrics;
-        Schwarz (1978), Estimating the dimension of a model, Annals of Statistics 6, of a wind and a tilt.
+        Schwarz (1978), Estimating the dimension of a model, Annals of Statistics 6, of one in another.
     """
 
     effect: float
@@ -83,11 +84,13 @@ class Weighing:
         scores = self.scores(account)
         most = max(scores.values())
         chances = {name: float(np.exp(score - most)) for name, score in scores.items()}
-        if {TILT, WIND} <= set(account.told):
-            both = chances[TILT] + chances[WIND]
-            chances[TILT] *= float(np.exp(SIMPLER))
-            share = both / max(chances[TILT] + chances[WIND], IMPOSSIBLE)
-            chances |= {name: share * chances[name] for name in (TILT, WIND)}
+        for simple, other in WITHIN.items():
+            if not {simple, other} <= set(account.told):
+                continue
+            both = chances[simple] + chances[other]
+            chances[simple] *= float(np.exp(SIMPLER))
+            share = both / max(chances[simple] + chances[other], IMPOSSIBLE)
+            chances |= {name: share * chances[name] for name in (simple, other)}
         total = sum(chances.values())
         return Judged({name: chance / total for name, chance in chances.items()})
 

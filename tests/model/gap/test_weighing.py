@@ -56,18 +56,19 @@ def test_what_does_harm_elsewhere_is_not_what_is_missing():
     assert odds(judged, "wind", "damage") == pytest.approx(4.0 * 0.4 + 5.0 * 0.2)
 
 
-def test_a_tilt_is_likelier_than_a_wind_that_explains_as_much():
-    """A wind can do what a tilt does, with a quantity more; together they are believed as they were."""
+@pytest.mark.parametrize(("simple", "other"), [("gravity_tilt", "wind"), ("viscoelasticity", "plasticity")])
+def test_the_simpler_of_two_is_likelier_where_it_explains_as_much(simple, other):
+    """The other one can do what it does, with a quantity more; together they are believed as they were."""
     same = Explained(1.0, 0.5, 0.25)
     alone = WEIGHTS.judged(account(damage=same))
-    judged = WEIGHTS.judged(account(wind=same, gravity_tilt=same, damage=same))
-    assert odds(judged, "gravity_tilt", "wind") == pytest.approx(SIMPLER)
+    judged = WEIGHTS.judged(account(**{other: same, simple: same, "damage": same}))
+    assert odds(judged, simple, other) == pytest.approx(SIMPLER)
     assert SIMPLER == pytest.approx(0.5 * np.log(16))
-    both = judged.chances["wind"] + judged.chances["gravity_tilt"]
+    both = judged.chances[other] + judged.chances[simple]
     assert both == pytest.approx(2.0 * judged.chances["damage"])
     assert odds(judged, "damage") == pytest.approx(odds(alone, "damage"))
-    blows = WEIGHTS.judged(account(wind=Explained(2.0, 1.0, 0.5), gravity_tilt=same))
-    assert blows.best == "wind"
+    more = WEIGHTS.judged(account(**{other: Explained(2.0, 1.0, 0.5), simple: same}))
+    assert more.best == other
 
 
 def test_a_tilt_that_was_not_fitted_takes_nothing_from_a_wind():
