@@ -144,8 +144,7 @@ def _joined(
         points, spacing = lattice(np.concatenate([places, below]), scale)
     hands = observation.controllers[0, hiding(points, seen, observation, spacing)].astype(np.float64)
     points = np.concatenate([points, hidden_points(points, hands, shape, spacing)])
-    points = bridged(points, REACH[shape] * spacing, LEAST, spacing)
-    return points, pairs_within(points, REACH[shape] * spacing, least=LEAST), spacing
+    return *bridged(points, REACH[shape] * spacing, LEAST, spacing), spacing
 
 
 def grip_of(

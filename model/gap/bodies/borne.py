@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
-from model.gap.bodies.unheld import unheld
+from model.gap.bodies.unheld import off_the_ground, unheld
 from model.gap.size import size_of
 from model.types import Array, Observation
 
@@ -18,9 +18,8 @@ BORNE = 0.1
 solids that lie, and of six cloths, by a generator of another hand: 0.18 to 0.49, and 0."""
 PATCH = 14
 """Points, with itself, whose curvature tells how the surface bends at a point."""
-RAISED, LEVEL = 0.12, 0.5
-"""Looked at is what is above the ground by more than such a share of the object's size, and faces up or down
-by such a cosine at least, where no hand is near."""
+LEVEL = 0.5
+"""Looked at is what faces up or down by such a cosine at least, off the ground and where no hand is near."""
 BENT = 0.3
 """Curvature over that of a ball as large as the object, below which a patch is flat but for noise."""
 
@@ -36,7 +35,7 @@ def is_borne(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
     if ground is None or len(places) < PATCH or size <= 0.0:
         return False
     middles, curvature = _upward(places)
-    asked = unheld(observation, places) & (places[:, 2] - ground > RAISED * size) & (np.abs(middles) > LEVEL)
+    asked = unheld(observation, places) & off_the_ground(places, ground) & (np.abs(middles) > LEVEL)
     limit = 2.0 * BENT / size
     up, down = (asked & (side * curvature > limit) for side in (-1.0, 1.0))
     return bool(up.mean() - down.mean() > BORNE)

@@ -17,8 +17,10 @@ APART = 0.6
 """Spacings: no point of a bridge is nearer to another point."""
 
 
-def bridged(points: Float64[Array, "P 3"], reach: float, least: int, spacing: float) -> Float64[Array, "Q 3"]:
-    """The points and, behind them, those of bridges that make of all one body.
+def bridged(
+    points: Float64[Array, "P 3"], reach: float, least: int, spacing: float
+) -> tuple[Float64[Array, "Q 3"], Int64[Array, "E 2"]]:
+    """The points and, behind them, those of bridges that make of all one body; and the pairs that are joined.
 
     The two parts that are nearest to each other are joined first, along straight lines from where they face
     each other.
@@ -29,29 +31,27 @@ def bridged(points: Float64[Array, "P 3"], reach: float, least: int, spacing: fl
         least: Neighbours that every point is joined to, however far.
         spacing: Of the points [m].
     """
-    part = _parts(points, reach, least)
-    while part.max() > 0:
-        more = _bridge(points, part == part[_nearest(points, part)], spacing)
+    while True:
+        pairs = pairs_within(points, reach, least)
+        part = _parts(pairs, len(points))
+        if part.max() == 0:
+            return points, pairs
+        more = _bridge(points, part == _nearest(points, part), spacing)
         if not len(more):
-            break
+            return points, pairs
         points = np.concatenate([points, more])
-        part = _parts(points, reach, least)
-    return points
 
 
-def _parts(points: Float64[Array, "P 3"], reach: float, least: int) -> Int64[Array, " P"]:
+def _parts(pairs: Int64[Array, "E 2"], count: int) -> Int64[Array, " P"]:
     """Which of the parts that hang together each point is of."""
-    first, second = pairs_within(points, reach, least).T
-    joined = coo_matrix((np.ones(len(first)), (first, second)), shape=(len(points), len(points)))
+    joined = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
     parts: Int64[Array, " P"] = connected_components(joined, directed=False)[1].astype(np.int64)
     return parts
 
 
 def _nearest(points: Float64[Array, "P 3"], part: Int64[Array, " P"]) -> int:
-    """The point that is nearest to one of another part."""
-    away = [_away(points, part == each)[0] for each in range(part.max() + 1)]
-    near = min(range(len(away)), key=lambda each: float(away[each].min()))
-    return int(np.flatnonzero(part == near)[away[near].argmin()])
+    """The part that is nearest to another one."""
+    return min(range(part.max() + 1), key=lambda each: float(_away(points, part == each)[0].min()))
 
 
 def _away(

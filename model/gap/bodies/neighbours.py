@@ -6,6 +6,9 @@ from scipy.spatial import cKDTree
 
 from model.types import Array
 
+FOURTH = 4
+"""Neighbour whose usual distance tells how far apart points are, evenly spread or by lot."""
+
 
 def farthest_points(places: Float64[Array, "N 3"], apart: float) -> Int64[Array, " n"]:
     """Indices of points at least `apart` [m] from each other that cover all, whatever their order.

@@ -11,9 +11,8 @@ from scipy.sparse import coo_matrix, hstack, identity
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from model.gap.bodies.falling import falls
-from model.gap.bodies.neighbours import usual_distance
-from model.gap.bodies.unheld import unheld
-from model.gap.size import size_of
+from model.gap.bodies.neighbours import FOURTH, usual_distance
+from model.gap.bodies.unheld import off_the_ground, unheld
 from model.types import Array, Observation
 
 STANDS = 0.7
@@ -21,12 +20,8 @@ STANDS = 0.7
 solids it is 0.85 to 1, of cloths at rest at most 0.28, with a wind in it 0.24."""
 FEW = 0.1
 """Share of the points below which too little is loose to tell anything."""
-RAISED = 0.12
-"""Off the ground is what is above it by more than such a share of the object's size."""
 THREADS, LONGEST = 8, 2.5
 """Neighbours that a point may hang from, and how far they are at most, in usual distances."""
-FOURTH = 4
-"""Neighbour whose usual distance tells how far apart points are, evenly spread or by lot."""
 SIDEWAYS = 0.5
 """What a push sideways that is missing counts, over one upward: folds, and a little stiffness, give some."""
 
@@ -41,14 +36,13 @@ def stands(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
         observation: Whose ground and hands count.
         places: Points on the object in the first frame, at rest [m].
     """
-    ground, least = observation.ground_height, RAISED * size_of(places)
-    down = np.asarray(observation.gravity, np.float64)
+    ground, down = observation.ground_height, np.asarray(observation.gravity, np.float64)
     if ground is None or len(places) <= THREADS or not down.any() or falls(observation):
         return False
-    far = unheld(observation, places)
-    if places[:, 2].min() - ground > least and not far.all():
+    far, raised = unheld(observation, places), off_the_ground(places, ground)
+    if raised.all() and not far.all():
         return False
-    loose = far & (places[:, 2] - ground > least) & ~_between_hands(observation, places)
+    loose = far & raised & ~_between_hands(observation, places)
     return bool(loose.mean() > FEW and unsupported(places, loose, down) > STANDS)
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64
 from scipy.spatial import cKDTree
 
 from model.gap.bodies.falling import falls
-from model.gap.bodies.neighbours import usual_distance
+from model.gap.bodies.neighbours import FOURTH, usual_distance
 from model.gap.bodies.unheld import unheld
 from model.gap.size import size_of
 from model.types import Array, Observation
@@ -21,8 +21,6 @@ MOST, MOST_HELD = 0.55, 0.25
 What hangs from a hand may be in the air."""
 ASIDE = 0.15
 """Of its size, and of its hands: what hangs at rest has its middle no farther from below them."""
-FOURTH = 4
-"""Neighbour whose usual distance tells how far apart points are, evenly spread or by lot."""
 NEAR, STEEP = 0.8, 0.25
 """Of that distance, and of a point's height above the ground: who is as near, seen from above, is above or
 below it."""

@@ -35,12 +35,13 @@ def parts_of(springs, count):
 
 def test_what_hangs_together_stays_as_it_is(parts):
     for each in parts:
-        assert bridged(each, REACHED, LEAST, SPACING) is each
+        assert bridged(each, REACHED, LEAST, SPACING)[0] is each
 
 
 def test_bridges_run_where_parts_face_each_other(parts):
     points = np.concatenate(parts)
-    made = bridged(points, REACHED, LEAST, SPACING)
+    made, pairs = bridged(points, REACHED, LEAST, SPACING)
+    assert parts_of(pairs, len(made)) == 1
     np.testing.assert_array_equal(made[: len(points)], points)
     bridges = made[len(points) :]
     beside = bridges[bridges[:, 2] > 0.19]

@@ -2,30 +2,21 @@
 
 import numpy as np
 import pytest
-import torch
 
 from model.gap.effects.damage import DamagedSpring
 
 STIFFNESS, SOFTENING, SCALE = 100.0, 0.6, 0.05
 
 
-def tensions(strains, pseudo_elasticity, softening=SOFTENING):
-    """Of a linear spring of 1 m and its damage [N], strained in turn."""
-    constants = {
-        "stiffness": STIFFNESS,
-        "share": 1.0,
-        "softening": softening,
-        "damage_strain": SCALE,
-        "pseudo_elasticity": pseudo_elasticity,
-        "slackness": 0.0,
-    }
-    known = {name: torch.tensor(value, dtype=torch.float64) for name, value in constants.items()}
-    rest, largest = torch.ones((), dtype=torch.float64), torch.zeros((), dtype=torch.float64)
-    found = []
-    for strain in strains:
-        lost, largest = DamagedSpring.law(rest + strain, rest, **known, largest_strain=largest)
-        found.append(float(STIFFNESS * strain + lost))
-    return np.array(found)
+@pytest.fixture
+def tensions(strained):
+    """A function: of a spring and its damage [N], strained in turn."""
+
+    def of(strains, pseudo_elasticity):
+        constants = {"softening": SOFTENING, "damage_strain": SCALE, "pseudo_elasticity": pseudo_elasticity}
+        return strained(DamagedSpring, strains, STIFFNESS, **constants)
+
+    return of
 
 
 def lost(beyond):
@@ -35,14 +26,14 @@ def lost(beyond):
 LOADING = np.linspace(0.0, 0.2, 41)
 
 
-def test_where_it_is_lost_for_good_a_spring_softens_as_it_is_stretched_and_unloads_straight():
+def test_where_it_is_lost_for_good_a_spring_softens_as_it_is_stretched_and_unloads_straight(tensions):
     """On the way up by how far it is strained, on the way down by how far it was."""
     up, down = np.split(tensions([*LOADING, *LOADING[::-1]], 0.0), 2)
     np.testing.assert_allclose(up, STIFFNESS * LOADING * (1 - lost(LOADING)), atol=1e-9)
     np.testing.assert_allclose(down, STIFFNESS * LOADING[::-1] * (1 - lost(0.2)), atol=1e-9)
 
 
-def test_where_it_is_pseudo_elastic_the_first_stretch_is_as_of_a_whole_spring():
+def test_where_it_is_pseudo_elastic_the_first_stretch_is_as_of_a_whole_spring(tensions):
     """And every later one below it, until it is stretched as far: Ogden and Roxburgh."""
     farther = np.linspace(0.2, 0.3, 11)
     path = [*LOADING, *LOADING[::-1], *LOADING, *farther]
@@ -54,7 +45,7 @@ def test_where_it_is_pseudo_elastic_the_first_stretch_is_as_of_a_whole_spring():
 
 
 @pytest.mark.parametrize("pseudo_elasticity", [0.0, 0.5, 1.0])
-def test_a_cycle_never_gives_back_more_than_it_took(pseudo_elasticity):
+def test_a_cycle_never_gives_back_more_than_it_took(tensions, pseudo_elasticity):
     for strain in (0.05, 0.2):
         there = np.linspace(0.0, strain, 400)
         up, down = np.split(tensions([*there, *there[::-1]], pseudo_elasticity), 2)
@@ -63,6 +54,6 @@ def test_a_cycle_never_gives_back_more_than_it_took(pseudo_elasticity):
         assert (down >= -1e-9).all()
 
 
-def test_of_compression_it_makes_no_difference_when_it_is_lost():
+def test_of_compression_it_makes_no_difference_when_it_is_lost(tensions):
     path = [0.1, -0.02, -0.05]
     np.testing.assert_allclose(tensions(path, 0.0)[1:], tensions(path, 1.0)[1:])

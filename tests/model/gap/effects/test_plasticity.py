@@ -2,36 +2,25 @@
 
 import numpy as np
 import pytest
-import torch
 
 from model.gap.effects.plasticity import PlasticSpring
 
 STIFFNESS, YIELD = 100.0, 0.02
 
 
-def tensions(strains, hardening, flow_rate=200.0, dt=0.05):
-    """Of a linear spring of 1 m and its plasticity [N], strained step by step."""
-    constants = {
-        "stiffness": STIFFNESS,
-        "share": 1.0,
-        "flow_rate": flow_rate,
-        "yield_strain": YIELD,
-        "hardening": hardening,
-        "slackness": 0.0,
-    }
-    known = {name: torch.tensor(value, dtype=torch.float64) for name, value in constants.items()}
-    rest, plastic = torch.ones((), dtype=torch.float64), torch.zeros((), dtype=torch.float64)
-    step, found = torch.tensor(dt, dtype=torch.float64), []
-    for strain in strains:
-        for _ in range(2):  # what has flowed is felt a step later
-            lost, after = PlasticSpring.law(rest + strain, rest, **known, plastic_strain=plastic, dt=step)
-            plastic = after
-        found.append(float(STIFFNESS * strain + lost))
-    return np.array(found)
+@pytest.fixture
+def tensions(strained):
+    """A function: of a spring and its plasticity [N]; what has flowed is felt a look later."""
+
+    def of(strains, hardening, flow_rate=200.0, dt=0.05):
+        constants = {"flow_rate": flow_rate, "yield_strain": YIELD, "hardening": hardening}
+        return strained(PlasticSpring, strains, STIFFNESS, dt, 2, **constants)
+
+    return of
 
 
 @pytest.mark.parametrize("hardening", [0.0, 0.25, 0.9])
-def test_beyond_the_yield_strain_what_hardens_goes_on(hardening):
+def test_beyond_the_yield_strain_what_hardens_goes_on(tensions, hardening):
     """Elastic with k, then with h k; back with k again over twice the yield strain, then with h k."""
     there = np.linspace(0.0, 0.1, 401)
     up, down = np.split(tensions([*there, *there[::-1]], hardening), 2)
@@ -44,7 +33,7 @@ def test_beyond_the_yield_strain_what_hardens_goes_on(hardening):
     np.testing.assert_allclose(down, unloading, atol=1e-3 * STIFFNESS)
 
 
-def test_what_is_let_go_comes_back_as_far_as_the_rest_pulls_it():
+def test_what_is_let_go_comes_back_as_far_as_the_rest_pulls_it(tensions):
     """Without hardening it stays as long as it flowed; with half of it at most the yield strain is left."""
 
     def left(hardening):
@@ -56,7 +45,7 @@ def test_what_is_let_go_comes_back_as_far_as_the_rest_pulls_it():
     assert 0.0 < left(0.5) < YIELD + 1e-3
 
 
-def test_slow_flow_creeps():
+def test_slow_flow_creeps(tensions):
     """At a held strain the overstress dies out at the rate of the flow."""
     rate, dt, held = 2.0, 0.01, 0.1
     found = tensions(np.full(100, held), 0.0, rate, dt / 2)
