@@ -26,11 +26,16 @@ CHAINED = 2
 
 
 class FibreSpring(AxialForce):
-    r"""What springs along the fibres pull more: $f = k\,\alpha\cos^2\theta\,(|d| - L)$.
+    r"""What springs along the fibres pull more: $f = k\,\alpha\,|\cos\theta|^{2n}\,(|d| - L)$.
+
+    How much of it there is to springs aslant, which also shear, is for n to say: the energy of a fibre's own
+    strain in a spring at an angle goes with n = 2, and a lattice whose springs at 45° carry shear alone
+    needs more.
 
     Args:
         stiffness: k [N/m] of the linear spring, shape [spring_count].
-        alignment: $\cos^2\theta$ [1] of the angle between spring and fibres at rest, shape [spring_count].
+        alignment: $|\cos\theta|^{2n}$ [1] of the angle between spring and fibres at rest, shape
+            [spring_count].
         excess: $\alpha$ [1].
 
     Reference:
@@ -75,6 +80,7 @@ class Anisotropy(Effect):
         "excess": Quantity("1", (0.02, 20.0), 0.7, log=True),
         "azimuth": Quantity("rad", (-3.2, 3.2), 0.4),
         "elevation": Quantity("rad", (-1.6, 1.6), 0.1),
+        "sharpness": Quantity("1", (1.0, 6.0), 2.0),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
     grid: ClassVar[Grid] = {"azimuth": (0.0, 1.05, 2.09), "elevation": (0.0, 0.9)}
@@ -98,9 +104,9 @@ class Anisotropy(Effect):
         fibre = vector(level * torch.cos(azimuth), level * torch.sin(azimuth), torch.sin(elevation))
         ends = world.system.points[world.system.springs].to(fibre)
         way = ends[:, 1] - ends[:, 0]
-        along = (fibre @ way.T) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
-        share = on_springs(world, where).to(fibre)
-        return world.with_force(FibreSpring(spring_stiffness(world), along * share, values["excess"]))
+        squared = (fibre @ way.T) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
+        along = squared ** values["sharpness"] * on_springs(world, where).to(fibre)
+        return world.with_force(FibreSpring(spring_stiffness(world), along, values["excess"]))
 
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
         """Fibres in another direction."""

@@ -1,25 +1,16 @@
 """What an effect that is known explains: found where it is at work, and told of both recordings."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import torch
 
 from benchmarks.gap.true_effect import main, widths_off
 from benchmarks.reality.labels import write_labels
-from model.gap.bodies.body import body_of
 from model.gap.coordinates import Coordinates
-from model.gap.effects import GravityTilt
 from model.gap.effects.base import Quantity
-from model.gap.hypothesis import Hypothesis
-from model.gap.plain import PlainTwin
 from model.observation import write_observation
-from model.types import Observation
 
-FRAMES = 40
-TILT = {"gravity_tilt.about_x": 0.3, "gravity_tilt.about_y": -0.2}
 PULL = 9.81 * np.array([-np.cos(0.3) * np.sin(-0.2), np.sin(0.3), 1.0 - np.cos(0.3) * np.cos(-0.2)])
 """What the tilt adds to gravity [m/s²]."""
 SIZE = float(np.linalg.norm(PULL))
@@ -29,26 +20,7 @@ LABEL |= {"effects": [EFFECT]}
 LABEL |= {"generator": "made", "magnitude": 4.0}
 
 
-def tilted(ways):
-    """A hanging rope whose hand goes a way, while it is pulled aside as well."""
-    times = np.arange(FRAMES) / 30.0
-    places = np.linspace([0.0, 0.0, 0.6], [0.0, 0.0, 0.3], 10)
-    way = np.stack([0.06 * np.sin(ways[0] * times), 0.05 * np.sin(ways[1] * times), 0.0 * times], -1)
-    still = Observation(
-        times=times,
-        points=np.repeat(places[None].astype(np.float32), FRAMES, 0),
-        controllers=(places[:1] + way[:, None]).astype(np.float32),
-    )
-    hypothesis = Hypothesis(PlainTwin.of(body_of(still, "rope"), still), (GravityTilt(),))
-    values = {name: quantity.start for name, quantity in hypothesis.quantities.items()} | TILT
-    with torch.no_grad():
-        world = hypothesis.at(values)
-        points = world.sight(world.rollout().points).numpy()
-    noise = np.random.default_rng(1).normal(0, 5e-4, points.shape)
-    return replace(still, points=(points + noise).astype(np.float32))
-
-
-def test_a_tilt_that_is_known_explains_what_the_plain_twin_leaves(tmp_path, capsys):
+def test_a_tilt_that_is_known_explains_what_the_plain_twin_leaves(tmp_path, capsys, tilted):
     write_observation(tmp_path / "tilted.npz", tilted((7.0, 4.0)))
     write_observation(tmp_path / "tilted.transfer.npz", tilted((3.0, 8.0)))
     faint = LABEL | {"world": "faint", "magnitude": 0.5}

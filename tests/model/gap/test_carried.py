@@ -159,7 +159,7 @@ class TestBundle:
             TwinBundle.load(write_twin(files={"effects.json": b'[{"name": "magnetism"}]'}))
 
     def test_an_effect_of_a_ground_that_is_not_there_is_refused(self, twin_path):
-        sticky = record_of(ALL_EFFECTS[14], {"pull_per_mass": 10.0, "reach": 0.005})
+        sticky = record_of(ALL_EFFECTS[14], {"pull_per_mass": 10.0, "reach": 0.005, "at_contact": 0.0})
         twin = replace(TwinBundle.load(twin_path), effects=(sticky,))
         with pytest.raises(InputError, match="adhesion cannot act in this twin: there is no ground"):
             twin.rollout()

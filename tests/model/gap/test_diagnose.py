@@ -13,7 +13,7 @@ from model.gap.schema import EFFECT_NAMES, GapReport
 from model.gap.search import Begun
 from model.gap.verdict import Judged
 
-STICKY = {"adhesion.pull_per_mass": 60.0, "adhesion.reach": 0.01}
+STICKY = {"adhesion.pull_per_mass": 60.0, "adhesion.reach": 0.01, "adhesion.at_contact": 0.0}
 TRIED = (QuadraticAirDrag, GravityTilt, GroundAdhesion)
 
 
@@ -108,5 +108,5 @@ def test_an_effect_of_the_ground_goes_to_a_recording_without_one(short, studied,
     assert not any("doubt the verdict" in line for line in report.warnings)
     assert max(report.where.acts_on) == 1.0
     assert [record.name for record in diagnosis.effects] == ["adhesion"]
-    assert set(report.finding("adhesion").parameters) == {"pull_per_mass", "reach"}
+    assert set(report.finding("adhesion").parameters) == {"pull_per_mass", "reach", "at_contact"}
     assert set(diagnosis.fitted) >= {"stiffness", "adhesion.pull_per_mass"}

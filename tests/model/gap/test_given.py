@@ -61,7 +61,7 @@ def test_effects_that_it_carries_go_on(twin):
 
 
 def test_those_that_cannot_act_in_a_recording_are_left_out(twin):
-    sticky = record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01})
+    sticky = record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01, "at_contact": 0.0})
     sticking = replace(twin, effects=(sticky, record_of(QuadraticAirDrag, {"drag_per_mass": 30.0})))
     plain = given_twin(sticking, filmed(twin))
     assert plain.observation.ground_height is None

@@ -123,7 +123,7 @@ def test_what_is_held_elsewhere_is_held_anew(sheet):
 def test_an_effect_that_the_twin_carries_is_left_out_where_it_cannot_act(sheet):
     """As what the ground does, of a recording in the air."""
     low = replace(sheet.observation, ground_height=float(np.nanmin(sheet.observation.points[..., 2])))
-    sticky = (record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01}),)
+    sticky = (record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01, "at_contact": 0.0}),)
     lying = replace(sheet.plain, twin=replace(sheet.plain.twin, observation=low, carried=sticky))
     assert "adhesion" in lying.at(sheet.start | {"friction": 0.5}).simulator.forces
     with pytest.warns(UserWarning, match="adhesion, which the twin carries, cannot act in the other"):

@@ -148,14 +148,14 @@ class TestGiven:
         new = with_findings(twin, tilted, Diagnosis(found(seen), (DRAG,)))
         assert new.parameters.globals["gravity"].value == pytest.approx((0.0, 1.7, -9.66), abs=1e-6)
         assert new.parameters.globals["ground_height"].value == pytest.approx(-1.0, abs=1e-6)
-        stuck = record_of(CATALOGUE["adhesion"], {"pull_per_mass": 50.0, "reach": 0.01})
+        stuck = record_of(CATALOGUE["adhesion"], {"pull_per_mass": 50.0, "reach": 0.01, "at_contact": 0.0})
         assert cannot_act(with_findings(twin, tilted, Diagnosis(found(seen), (stuck,)))) is None
         assert "there is no ground" in str(
             cannot_act(with_findings(twin, seen, Diagnosis(found(seen), (stuck,))))
         )
 
     def test_what_cannot_act_in_the_twin_is_not_written(self, twin, seen, found):
-        stuck = record_of(CATALOGUE["adhesion"], {"pull_per_mass": 50.0, "reach": 0.01})
+        stuck = record_of(CATALOGUE["adhesion"], {"pull_per_mass": 50.0, "reach": 0.01, "at_contact": 0.0})
         result = DiagnosisResult(Diagnosis(found(seen), (stuck,)), seen, given_twin(twin, seen), twin)
         with pytest.warns(UserWarning, match="no twin was written: .*there is no ground"):
             assert result.twin() is None
