@@ -8,7 +8,7 @@
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
 sealed labels are refused. What the folder holds is not done again, and a world whose effect is too faint to
 learn from (`SEEN`) is not done at all. `opened` takes test worlds as they come out of `matphys gap-benchmark
-out/test --out out/test_checked`, which diagnosed them sealed and then opened them. `train` fits twelve
+out/test --out out/test_checked`, which diagnosed them sealed and then opened them. `train` fits thirteen
 weights, and says how well they do on worlds that they have not seen: one at a time, all of one shape, with
 one effect, or by one generator; how well those do that ship; and what healthy twins leave, which a verdict
 takes for usual (`HEALTHY` in `model/gap/weighing.py`).
@@ -39,7 +39,7 @@ from model.gap.classifier import NONE, UNKNOWN
 from model.gap.diagnose import diagnose
 from model.gap.schema import EFFECT_NAMES, VerdictName
 from model.gap.verdict import Judged
-from model.gap.weighing import Weighing
+from model.gap.weighing import Weighing, unexplained
 from model.types import Array
 
 SEEN = 1.5
@@ -57,6 +57,7 @@ USUAL = Weighing(
     unknown=-2.0,
     astray=1.0,
     left=1.0,
+    flexible=2.0,
 )
 """What weights are before any world was seen: three e-folds explained make up for how rare each effect is."""
 COMMON: Mapping[VerdictName | None, float] = {NONE: 0.4, None: 0.45, UNKNOWN: 0.15}
@@ -64,8 +65,10 @@ COMMON: Mapping[VerdictName | None, float] = {NONE: 0.4, None: 0.45, UNKNOWN: 0.
 are picked, and count as if they came so."""
 STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
-EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "harm")
-"""No effect is believed less for explaining more."""
+EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "harm", "flexible")
+"""No answer is believed less for explaining more."""
+TENTH = 0.1
+"""Share of what a flexible force explains from which on it is counted that no effect explains it."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
 
 
@@ -242,6 +245,16 @@ def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
     }
 
 
+def left_over(worlds: Sequence[Told]) -> dict[str, list[float]]:
+    """Of what a flexible force explains the share that no effect does, of worlds of each kind."""
+    names = {NONE: "where nothing is missing", None: "with an effect", UNKNOWN: "with something else"}
+    asked = {one.world: one for one in worlds if one.account.flexible is not None}
+    shares: dict[str, list[float]] = {}
+    for one in asked.values():
+        shares.setdefault(names[one.kind], []).append(unexplained(one.account))
+    return shares
+
+
 def told_in(folders: Sequence[Path]) -> list[Told]:
     """All clear worlds that were gathered; then those with two recordings once more, without the other."""
     everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
@@ -268,6 +281,10 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
     _row("nothing: the weights that ship", [(one, Weighing.shipped().judged(one.account)) for one in both])
     for shape, (mean, spread, count) in usual(both).items():
         print(f"{shape}: ln of what {count} healthy twins leave {mean:.2f} ± {spread:.2f}")
+    for name, shares in left_over(both).items():
+        much = sum(share > TENTH for share in shares)
+        told = f"{much} of {len(shares)} worlds {name}"
+        print(f"no effect explains a tenth of what a flexible force does, or more, in {told}")
     weighing = learned(both)
     print({name: round(value, 2) for name, value in asdict(weighing).items()})
     if out is not None:

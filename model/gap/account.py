@@ -84,6 +84,9 @@ class Account:
     left: tuple[float, ...]
     """Mean square of what the plain twin leaves unexplained in each recording, its parameters fitted to it,
     over that of the noise, or of `FINEST` where the sensor is better."""
+    flexible: Explained | None = None
+    """By a force that may be any missing physics (`ceiling`), fitted to the first recording; None: nobody
+    asked."""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> "Account":
@@ -93,7 +96,9 @@ class Account:
             for part in ("explained", "shared")
         )
         astray, left = tuple(content["astray"]), tuple(content["left"])
-        return cls(content["shape"], content["screened"], explained, shared, astray, left)
+        told = content.get("flexible")
+        flexible = None if told is None else Explained(**told)
+        return cls(content["shape"], content["screened"], explained, shared, astray, left, flexible)
 
     @property
     def told(self) -> Mapping[EffectName, Explained]:

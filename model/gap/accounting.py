@@ -29,8 +29,9 @@ def account_of(
     confirmed: Mapping[EffectName, Fitted],
     screened: Judged,
     refitted: Forecast | None,
+    flexible: Fitted,
 ) -> Account:
-    """What each fitted effect explains, and where the plain twin is lost.
+    """What each fitted effect explains, what any could, and where the plain twin is lost.
 
     Args:
         fitted: The first recording.
@@ -39,19 +40,21 @@ def account_of(
         confirmed: Effects, fitted to the first recording.
         screened: What score tests say.
         refitted: What `plain` foretells in the other recording.
+        flexible: From `ceiling`.
     """
     cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
     slowly = left_slowly(plain.misfit, plain.estimate.values)
-    explained = {
-        name: Explained.of(
+
+    def told(one: Fitted) -> Explained:
+        if one.estimate.cost >= SEEN * cost:
+            return Explained()
+        return Explained.of(
             (cost, one.estimate.cost),
             (later, held_out(fitted, one.foretold)),
             slowly=(explained_slowly(slowly, left_slowly(one.misfit, one.estimate.values)),),
         )
-        if one.estimate.cost < SEEN * cost
-        else Explained()
-        for name, one in confirmed.items()
-    }
+
+    explained = {name: told(one) for name, one in confirmed.items()}
     shared: dict[EffectName, Explained] = {}
     left = [against_ordinary(cost, fitted.misfit.noise)]
     if other is not None:
@@ -81,6 +84,7 @@ def account_of(
         shared,
         _astray(plain, refitted),
         tuple(left),
+        told(flexible),
     )
 
 

@@ -75,15 +75,15 @@ def values_of(record: EffectRecord, where: str) -> dict[str, float]:
         InputError: a quantity is missing, unknown, no number, in another unit, or out of bounds.
     """
     effect = CATALOGUE[record.name]
-    known = ", ".join(effect.quantities)
+    known, parameters = ", ".join(effect.quantities), {**effect.before, **record.parameters}
     for name in record.parameters:
         if name not in effect.quantities:
             raise InputError(f"{where}: {record.name} has no parameter {name!r}: expected {known}")
     for name in effect.quantities:
-        if name not in record.parameters:
+        if name not in parameters:
             raise InputError(f"{where}: {record.name}: {name} is missing: expected {known}")
     return {
-        name: _value(record.parameters[name], effect, name, f"{where}: {record.name}: {name}")
+        name: _value(parameters[name], effect, name, f"{where}: {record.name}: {name}")
         for name in effect.quantities
     }
 

@@ -80,6 +80,7 @@ class GroundAdhesion(Effect):
         "at_contact": Quantity("1", (0.0, 1.0), 0.5),
     }
     absent: ClassVar[Mapping[str, float]] = {"pull_per_mass": 0.0}
+    before: ClassVar[Mapping[str, float]] = {"at_contact": 0.0}
     grid: ClassVar[Grid] = {"reach": (0.002, 0.01), "at_contact": (0.0, 1.0)}
     terms = (Adhesion,)
     confused_with: ClassVar[Mapping[str, str]] = {"static_friction": "lift it straight up"}

@@ -83,6 +83,7 @@ class Anisotropy(Effect):
         "sharpness": Quantity("1", (1.0, 6.0), 2.0),
     }
     absent: ClassVar[Mapping[str, float]] = {"excess": 0.0}
+    before: ClassVar[Mapping[str, float]] = {"sharpness": 1.0}
     grid: ClassVar[Grid] = {"azimuth": (0.0, 1.05, 2.09), "elevation": (0.0, 0.9)}
     terms = (FibreSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {

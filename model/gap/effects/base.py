@@ -61,6 +61,8 @@ class Effect(ABC):
     """Many values of its quantities can be rolled out at once."""
     terms: ClassVar[tuple[type[ForceTerm] | type[ContactTerm], ...]] = ()
     """What it adds to a simulator; the property tests hold them to what they claim."""
+    before: ClassVar[Mapping[str, float]] = {}
+    """Quantities that came later, and what they are of a twin that was saved without them."""
     stacks: ClassVar[bool] = False
     """In a world that has it already it acts on top of that, not instead of it."""
     confused_with: ClassVar[Mapping[str, str]] = {}

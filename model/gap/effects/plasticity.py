@@ -108,6 +108,7 @@ class Plasticity(Effect):
         "hardening": Quantity("1", (0.0, 0.95), 0.2),
     }
     absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0}
+    before: ClassVar[Mapping[str, float]] = {"hardening": 0.0}
     grid: ClassVar[Grid] = {"flow_rate": (3.0, 30.0), "yield_strain": (0.005, 0.04), "hardening": (0.25,)}
     terms = (PlasticSpring,)
     confused_with: ClassVar[Mapping[str, str]] = {

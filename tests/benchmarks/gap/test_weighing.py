@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.gap.weighing import USUAL, Told, learned, main, scores, told_in, unseen, usual
+from benchmarks.gap.weighing import USUAL, Told, learned, left_over, main, scores, told_in, unseen, usual
 from benchmarks.reality.labels import write_labels
 from model.errors import InputError
 from model.gap.account import MEANING, Account, Explained
@@ -53,6 +53,31 @@ def test_what_is_right_is_learned_and_holds_for_worlds_not_learned_from(worlds):
     assert weighing.fitted > 0
     assert weighing.astray > 0
     assert weighing.effect < 0
+
+
+def test_what_a_force_explains_and_no_effect_teaches_what_is_unknown(worlds):
+    """And a world of which nobody asked it teaches nothing of it."""
+
+    def asked(one, force):
+        near = replace(one.account, astray=(0.01, 0.02))
+        return replace(one, account=replace(near, flexible=None if force is None else Explained(force)))
+
+    forces = {"unknown": 2.0, "none": 0.0}
+    of_all = [asked(one, forces.get(one.right[0], 0.3)) for one in worlds]
+    assert (
+        learned(of_all).flexible
+        > USUAL.flexible
+        > learned([asked(one, None) for one in worlds]).flexible - 0.1
+    )
+    assert scores(list(unseen(of_all, lambda one: one.world[-1])))["recall of unknown"] == 1.0
+    shares = left_over([*of_all, *of_all, asked(worlds[0], None)])
+    assert {name: len(each) for name, each in shares.items()} == {
+        "where nothing is missing": 15,
+        "with something else": 15,
+        "with an effect": 30,
+    }
+    assert min(shares["with something else"]) > 0.5
+    assert max(shares["where nothing is missing"]) == 0.0
 
 
 def test_what_healthy_twins_usually_leave_is_told_by_the_better_followed_recording():

@@ -1,5 +1,8 @@
 """What an effect explains, by part of what was seen."""
 
+import json
+from dataclasses import asdict
+
 import numpy as np
 import pytest
 
@@ -54,3 +57,15 @@ def test_a_better_sensor_makes_no_twin_worse():
     assert max(told) == told[-1] == left[-1]
     assert min(told) > 0.8 * told[-1]
     assert against_ordinary(3.0, 5e-3) == 3.0
+
+
+@pytest.mark.parametrize("flexible", [Explained(0.3, -0.1, slowly=0.2), None])
+def test_comes_back_as_it_was_told(flexible):
+    here = {"wind": Explained(0.5, 0.4)}
+    account = Account("rope", {"wind": 0.1}, here, {}, (0.05,), (4.0,), flexible)
+    content = json.loads(json.dumps(asdict(account)))
+    assert Account.of(content) == account
+    assert Account.of(content).alone == account
+    if flexible is None:
+        del content["flexible"]
+        assert Account.of(content) == account, "as accounts are that were told before anybody asked"

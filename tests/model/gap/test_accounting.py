@@ -22,7 +22,7 @@ def dragged(hung, studied):
 
 def test_of_one_recording(dragged, twin):
     plain, dragging = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: 4.0})
-    account = account_of(dragged, None, plain, {"quadratic_air_drag": dragging}, SCREENED, None)
+    account = account_of(dragged, None, plain, {"quadratic_air_drag": dragging}, SCREENED, None, dragging)
     assert held_out(dragged, dragging.foretold) < held_out(dragged, plain.foretold)
     one = account.explained["quadratic_air_drag"]
     assert one.fitted > 3.0
@@ -33,6 +33,7 @@ def test_of_one_recording(dragged, twin):
     assert account.told == account.explained
     assert len(account.left) == len(account.astray) == 1
     assert set(account.screened) == set(EFFECT_NAMES)
+    assert account.flexible == one, "all that is missing is explained as by the effect"
 
 
 def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell_it(
@@ -42,7 +43,7 @@ def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell
     other = transferred(dragged, seen)
     plain, wrong = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: 8.0})
     refitted = other.forecast(plain.hypothesis, plain.estimate.values)
-    account = account_of(dragged, other, plain, {"quadratic_air_drag": wrong}, SCREENED, refitted)
+    account = account_of(dragged, other, plain, {"quadratic_air_drag": wrong}, SCREENED, refitted, wrong)
     shared = account.shared["quadratic_air_drag"]
     held = other.followed(wrong).estimate.cost
     assert held > account.left[1], "as strong as the first has it, it does harm"
@@ -58,15 +59,17 @@ def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin
     null = studied(hung)
     other = transferred(null, studied(shaken(hung, 0.06)).observation)
     plain, faint = twin(null), twin(null, (QuadraticAirDrag(),), {DRAG: 1e-4})
-    account = account_of(null, other, plain, {"quadratic_air_drag": faint}, SCREENED, plain.foretold)
+    account = account_of(null, other, plain, {"quadratic_air_drag": faint}, SCREENED, plain.foretold, plain)
     assert account.explained["quadratic_air_drag"].total == 0.0
+    assert account.flexible is not None
+    assert account.flexible.total == 0.0
     assert account.shared["quadratic_air_drag"].total == 0.0
 
 
 def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(grounded, twin):
     study, other, one = grounded
     plain = twin(study, (), {"stiffness": 0.5 * study.base.values["stiffness"]})
-    account = account_of(study, other, plain, {"static_friction": one}, SCREENED, plain.foretold)
+    account = account_of(study, other, plain, {"static_friction": one}, SCREENED, plain.foretold, plain)
     shared = account.shared["static_friction"]
     assert shared.fitted > 0.0
     less = np.log(plain.estimate.cost / one.estimate.cost)

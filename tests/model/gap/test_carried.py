@@ -6,7 +6,7 @@ import torch
 
 from model.bundle import TwinBundle
 from model.errors import InputError
-from model.gap.carried import carrying, record_of, values_of
+from model.gap.carried import CATALOGUE, carrying, record_of, values_of
 from model.gap.effects import (
     ALL_EFFECTS,
     ActuationDelay,
@@ -98,6 +98,18 @@ def test_whose_springs_go_slack_first_makes_no_difference(other, block):
             for records in ([slack, worn], [worn, slack])
         )
     torch.testing.assert_close(first, last, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "value"),
+    [("adhesion", "at_contact", 0.0), ("anisotropy", "sharpness", 1.0), ("plasticity", "hardening", 0.0)],
+)
+def test_what_was_saved_before_a_quantity_was_known_is_as_it_was(name, quantity, value):
+    kind = CATALOGUE[name]
+    record = record_of(kind, starts(kind))
+    less = {key: given for key, given in record.parameters.items() if key != quantity}
+    old = EffectRecord.model_validate({"name": name, "parameters": less})
+    assert values_of(old, "effects.json: 0") == values_of(record, "effects.json: 0") | {quantity: value}
 
 
 @pytest.mark.parametrize("order", [(Damage, Plasticity), (Plasticity, Damage)])

@@ -5,13 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.gap import diagnose as module
 from model.gap.classifier import CLASSES, Jury
 from model.gap.diagnose import diagnose
 from model.gap.effects import GravityTilt, GroundAdhesion, QuadraticAirDrag
 from model.gap.schema import EFFECT_NAMES, GapReport
-from model.gap.search import Begun
-from model.gap.verdict import Judged
 
 STICKY = {"adhesion.pull_per_mass": 60.0, "adhesion.reach": 0.01, "adhesion.at_contact": 0.0}
 TRIED = (QuadraticAirDrag, GravityTilt, GroundAdhesion)
@@ -57,18 +54,6 @@ def holds(diagnosis, observation):
     assert report.gap.heldout[-1][1] == pytest.approx(observation.times[-1])
     assert diagnosis.findings.observed.shape == diagnosis.findings.before.shape
     return report
-
-
-def test_what_the_jury_believes_what_promises_and_what_leaves_least_is_fitted(short, studied, monkeypatch):
-    study, names = studied(short), list(EFFECT_NAMES)
-    # the later in the catalogue the more it promises, the earlier the less it leaves
-    begins = {name: Begun(np.zeros(1), 1.0, promised=-float(place)) for place, name in enumerate(names)}
-    first = Judged({name: float(name == names[8]) for name in names})
-    usual = module._likely(begins, first, study)
-    assert usual == [names[8], names[-1], names[0], names[-2], names[1]]
-    for shape in ("rope", "sheet", "solid"):
-        monkeypatch.setitem(module.LABORIOUS, shape, 0.0)
-    assert module._likely(begins, first, study) == usual[: module.FITTED_DEAR]
 
 
 @pytest.mark.slow

@@ -7,7 +7,16 @@ import pytest
 
 from model.gap.account import Account, Explained
 from model.gap.schema import EFFECT_NAMES
-from model.gap.weighing import ASTRAY, ASTRAY_STEP, HEALTHY, MOST_ASTRAY, MOST_BEYOND, SIMPLER, Weighing
+from model.gap.weighing import (
+    ASTRAY,
+    ASTRAY_STEP,
+    HEALTHY,
+    MOST_ASTRAY,
+    MOST_BEYOND,
+    SIMPLER,
+    SLIGHT,
+    Weighing,
+)
 
 WEIGHTS = Weighing(
     effect=-5.0,
@@ -22,6 +31,7 @@ WEIGHTS = Weighing(
     unknown=-2.0,
     astray=1.0,
     left=1.0,
+    flexible=1.5,
 )
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
 
@@ -48,6 +58,18 @@ def test_odds_are_the_weighed_sum_of_what_is_explained():
     assert odds(slow, "wind") == pytest.approx(-5.0 + 3.0 + 3.0 - 2.5)
     assert odds(judged, "unknown") == pytest.approx(-2.0)
     assert sum(judged.chances.values()) == pytest.approx(1.0)
+
+
+def test_what_a_force_explains_and_no_effect_is_something_unknown():
+    """By the share of it that none explains as well, here, whatever they explain elsewhere."""
+    wind = {"wind": Explained(0.5, elsewhere=2.0, slowly=0.1), "damage": Explained(0.3)}
+    asked = replace(account(**wind), flexible=Explained(1.2, 0.7, slowly=0.6))
+    judged = WEIGHTS.judged(asked)
+    assert odds(judged, "unknown") == pytest.approx(-2.0 + 1.5 * (1.2 - SLIGHT) / 1.8)
+    assert odds(judged, "wind") == pytest.approx(-5.0 + 1.5 + 8.0 + 0.15)
+    without = WEIGHTS.judged(account(**wind)).chances
+    for force in (None, Explained(-0.3), Explained(0.6, 2.0), Explained(0.5, slowly=0.09 + SLIGHT)):
+        assert WEIGHTS.judged(replace(asked, flexible=force)).chances == pytest.approx(without)
 
 
 def test_what_does_harm_elsewhere_is_not_what_is_missing():

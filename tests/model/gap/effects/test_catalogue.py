@@ -72,6 +72,9 @@ def test_documents_itself(kind):
     assert kind.__doc__
     assert "Reference:" in kind.source
     assert set(kind.absent) <= set(kind.quantities)
+    assert set(kind.before) <= set(kind.quantities) - set(kind.absent)
+    for name, value in kind.before.items():
+        assert kind.quantities[name].bounds[0] <= value <= kind.quantities[name].bounds[1]
     assert set(kind.confused_with) <= set(get_args(EffectName)) - {kind.name}
     assert kind.confused_with
     for quantity in kind.quantities.values():
