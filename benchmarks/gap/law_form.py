@@ -24,6 +24,7 @@ from model.gap.carried import CATALOGUE
 from model.gap.estimate import Estimate, estimate
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit
+from model.gap.search import known
 from model.gap.study import STEPS, Study, quarter_of, study
 from model.observation import read_observation
 from model.schema import EffectName
@@ -41,8 +42,8 @@ def looked_at(base: Study, misfit: Misfit, looks: int) -> Float64[Array, "s d"]:
     """Places spread over the bounds of the effect and around the plain twin's parameters."""
     coordinates = misfit.coordinates
     names, (low, high) = coordinates.names, coordinates.bounds
-    starts = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
-    middle = coordinates.vector({**starts, **base.base.values})
+    (usual,) = known(misfit, base.base.values, [{}])
+    middle = coordinates.vector(usual)
     shares = qmc.Halton(len(names), scramble=False).random(looks + 1)[1:]
     own = np.array(["." in name for name in names])
     free = np.array([name in FREE for name in names])

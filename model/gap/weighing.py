@@ -33,7 +33,7 @@ SIMPLER = 0.5 * float(np.log(2 * BLOCKS))
 """Nats by which the simpler of such two is likelier where it explains as much, if both were fitted; together
 they are believed as much as without: half the logarithm of the blocks of time of two recordings."""
 SLIGHT = 0.2
-"""E-folds by which such a force may explain more than any effect: it does where nothing is missing."""
+"""E-folds by which a flexible force may explain more than any effect: it does where nothing is missing."""
 ASTRAY, ASTRAY_STEP, MOST_ASTRAY = 0.04, 0.01, (-4.0, 8.0)
 """Share of the object's size from which it counts that free runs are off, in which steps, within limits."""
 

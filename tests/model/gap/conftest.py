@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from model.gap.bodies.body import body_of
+from model.gap.classifier import CLASSES, Jury
 from model.gap.confirm import Fitted
 from model.gap.effects import StaticFriction
 from model.gap.estimate import Estimate
@@ -346,3 +347,20 @@ def _chain(hands: int) -> Observation:
     controllers = np.repeat(held[None], 30, 0)
     controllers[:, -1, 1] += 0.02 * np.sin(9.0 * times)
     return Observation(times, points.astype(np.float32), controllers.astype(np.float32))
+
+
+@pytest.fixture
+def jury_sure_of(monkeypatch):
+    """A function: from now on juries are sure of this answer, and the catalogue is these effects."""
+
+    def of(answer, tried):
+        class Sure(Jury):
+            def probabilities(self, signs):
+                rest = 0.2 / (len(CLASSES) - 1)
+                return np.array([[0.8 if name == answer else rest for name in CLASSES] for _ in signs])
+
+        monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
+        monkeypatch.setattr("model.gap.meeting.ALL_EFFECTS", tried)
+        monkeypatch.setattr("model.gap.study.STARTS", 6)
+
+    return of

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from model.gap.classifier import CLASSES, Jury
 from model.gap.contest import FITTED, THERE, contested, likely, unexplained
 from model.gap.effects import GravityTilt, QuadraticAirDrag, SteadyWind
 from model.gap.schema import EFFECT_NAMES
@@ -11,20 +10,13 @@ from model.gap.screen import screen
 from model.gap.search import Begun
 from model.gap.verdict import Judged
 
-SURE, LEAST = "quadratic_air_drag", 0.01
+SURE = "quadratic_air_drag"
 
 
 @pytest.fixture
-def misled(monkeypatch):
+def misled(jury_sure_of, monkeypatch):
     """One effect is fitted at a time, and the jury believes in the wrong one."""
-
-    class Sure(Jury):
-        def probabilities(self, signs):
-            return np.array([[0.99 if name == SURE else LEAST / 18 for name in CLASSES] for _ in signs])
-
-    monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
-    monkeypatch.setattr("model.gap.meeting.ALL_EFFECTS", (QuadraticAirDrag, GravityTilt, SteadyWind))
-    monkeypatch.setattr("model.gap.study.STARTS", 6)
+    jury_sure_of(SURE, (QuadraticAirDrag, GravityTilt, SteadyWind))
     monkeypatch.setattr("model.gap.contest.FITTED", dict.fromkeys(FITTED, 1))
 
 

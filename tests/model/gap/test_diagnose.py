@@ -2,10 +2,8 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
-from model.gap.classifier import CLASSES, Jury
 from model.gap.diagnose import diagnose
 from model.gap.effects import GravityTilt, GroundAdhesion, QuadraticAirDrag
 from model.gap.schema import EFFECT_NAMES, GapReport
@@ -15,20 +13,9 @@ TRIED = (QuadraticAirDrag, GravityTilt, GroundAdhesion)
 
 
 @pytest.fixture
-def sure(monkeypatch):
+def sure(jury_sure_of):
     """A function: from now on juries are sure of this, and the catalogue is small."""
-
-    def of(answer):
-        class Sure(Jury):
-            def probabilities(self, signs):
-                rest = 0.2 / (len(CLASSES) - 1)
-                return np.array([[0.8 if name == answer else rest for name in CLASSES] for _ in signs])
-
-        monkeypatch.setattr(Jury, "shipped", classmethod(lambda cls: Sure(())))
-        monkeypatch.setattr("model.gap.meeting.ALL_EFFECTS", TRIED)
-        monkeypatch.setattr("model.gap.study.STARTS", 6)
-
-    return of
+    return lambda answer: jury_sure_of(answer, TRIED)
 
 
 @pytest.fixture
