@@ -8,7 +8,7 @@
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
 sealed labels are refused. What the folder holds is not done again, and a world whose effect is too faint to
 learn from (`SEEN`) is not done at all. `opened` takes test worlds as they come out of `matphys gap-benchmark
-out/test --out out/test_checked`, which diagnosed them sealed and then opened them. `train` fits thirteen
+out/test --out out/test_checked`, which diagnosed them sealed and then opened them. `train` fits eleven
 weights, and says how well they do on worlds that they have not seen: one at a time, all of one shape, with
 one effect, or by one generator; how well those do that ship; and what healthy twins leave, which a verdict
 takes for usual (`HEALTHY` in `model/gap/weighing.py`).
@@ -52,10 +52,8 @@ USUAL = Weighing(
     slowly=2.0,
     slowly_elsewhere=2.0,
     harm=4.0,
-    sheet=-1.0,
     buckling=-4.0,
     unknown=-2.0,
-    astray=1.0,
     left=1.0,
     flexible=2.0,
 )
@@ -67,6 +65,8 @@ STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
 EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "harm", "flexible")
 """No answer is believed less for explaining more."""
+QUARTILES = 1.349
+"""Standard deviations of a normal distribution between its quartiles."""
 TENTH = 0.1
 """Share of what a flexible force explains from which on it is counted that no effect explains it."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
@@ -228,29 +228,36 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
+def once(worlds: Sequence[Told]) -> list[Told]:
+    """Each world once, with all its recordings."""
+    by_recordings = sorted(worlds, key=lambda one: len(one.account.left))
+    return list({one.world: one for one in by_recordings}.values())
+
+
 def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
     """What plain twins leave where nothing is missing, by shape: `beyond` of a verdict is told against it.
 
     Returns:
-        Mean and standard deviation of the logarithm, and of how many accounts.
+        Median of the logarithm, the standard deviation of a normal distribution with the same quartiles, and
+        of how many recordings.
     """
     left: dict[str, list[float]] = {}
-    for one in worlds:
+    for one in once(worlds):
         if one.kind == NONE:
-            left.setdefault(one.account.shape, []).append(float(np.log(min(one.account.left))))
-    return {
-        shape: (float(np.mean(each)), float(np.std(each, ddof=1)), len(each))
-        for shape, each in sorted(left.items())
-        if len(each) > 1
-    }
+            left.setdefault(one.account.shape, []).extend(np.log(one.account.left))
+    found: dict[str, tuple[float, float, int]] = {}
+    for shape, each in sorted(left.items()):
+        low, median, high = np.quantile(each, (0.25, 0.5, 0.75)).tolist()
+        if low < high:
+            found[shape] = (median, (high - low) / QUARTILES, len(each))
+    return found
 
 
 def left_over(worlds: Sequence[Told]) -> dict[str, list[float]]:
     """Of what a flexible force explains the share that no effect does, of worlds of each kind."""
     names = {NONE: "where nothing is missing", None: "with an effect", UNKNOWN: "with something else"}
-    asked = {one.world: one for one in worlds if one.account.flexible is not None}
     shares: dict[str, list[float]] = {}
-    for one in asked.values():
+    for one in once([one for one in worlds if one.account.flexible is not None]):
         shares.setdefault(names[one.kind], []).append(unexplained(one.account))
     return shares
 
@@ -259,7 +266,7 @@ def told_in(folders: Sequence[Path]) -> list[Told]:
     """All clear worlds that were gathered; then those with two recordings once more, without the other."""
     everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
     clear = [one for one in everything if one.clear]
-    two = [one for one in clear if len(one.account.astray) > 1]
+    two = [one for one in clear if len(one.account.left) > 1]
     return [*clear, *(replace(one, account=one.account.alone) for one in two)]
 
 
@@ -279,8 +286,8 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
             _row(title, list(unseen(both, part)))
     # which may have been learned from some of these worlds
     _row("nothing: the weights that ship", [(one, Weighing.shipped().judged(one.account)) for one in both])
-    for shape, (mean, spread, count) in usual(both).items():
-        print(f"{shape}: ln of what {count} healthy twins leave {mean:.2f} ± {spread:.2f}")
+    for shape, (median, width, count) in usual(both).items():
+        print(f"{shape}: ln of what healthy twins leave in {count} recordings {median:.2f} ± {width:.2f}")
     for name, shares in left_over(both).items():
         much = sum(share > TENTH for share in shares)
         told = f"{much} of {len(shares)} worlds {name}"
@@ -298,7 +305,7 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
 def _row(title: str, judged: Sequence[tuple[Told, Judged]]) -> None:
     """Print how well worlds were judged, with one recording and with two."""
     for given, count in (("one recording", 1), ("two", 2)):
-        some = [pair for pair in judged if len(pair[0].account.astray) == count]
+        some = [pair for pair in judged if len(pair[0].account.left) == count]
         if some:
             worlds, *values = scores(some).values()
             cells = [title, given, f"{worlds:.0f}", *(f"{value:.2f}" for value in values)]

@@ -1,4 +1,4 @@
-"""What a verdict is made of: how much each fitted effect explains, and where the plain twin is lost."""
+"""What a verdict is made of: how much each fitted effect explains, and how much there is to be explained."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -79,8 +79,6 @@ class Account:
     """By each effect, fitted to the first recording alone."""
     shared: Mapping[EffectName, Explained]
     """By each effect, as strong in both recordings and fitted to both at once; empty: there is no other."""
-    astray: tuple[float, ...]
-    """How far off the refitted twin's free runs are in each recording, over the size of the object."""
     left: tuple[float, ...]
     """Mean square of what the plain twin leaves unexplained in each recording, its parameters fitted to it,
     over that of the noise, or of `FINEST` where the sensor is better."""
@@ -95,10 +93,10 @@ class Account:
             {name: Explained(**each) for name, each in content[part].items()}
             for part in ("explained", "shared")
         )
-        astray, left = tuple(content["astray"]), tuple(content["left"])
+        left = tuple(content["left"])
         told = content.get("flexible")
         flexible = None if told is None else Explained(**told)
-        return cls(content["shape"], content["screened"], explained, shared, astray, left, flexible)
+        return cls(content["shape"], content["screened"], explained, shared, left, flexible)
 
     @property
     def told(self) -> Mapping[EffectName, Explained]:
@@ -108,7 +106,7 @@ class Account:
     @property
     def alone(self) -> "Account":
         """The same without the other recording."""
-        return replace(self, shared={}, astray=self.astray[:1], left=self.left[:1])
+        return replace(self, shared={}, left=self.left[:1])
 
 
 def against_ordinary(left: float, noise: float) -> float:

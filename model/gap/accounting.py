@@ -4,11 +4,10 @@ from collections.abc import Mapping
 
 from model.gap.account import Account, Explained, against_ordinary
 from model.gap.confirm import Fitted, held_out
-from model.gap.forecast import Forecast, forecast
+from model.gap.forecast import forecast
 from model.gap.joint import fitted_jointly
 from model.gap.schema import EFFECT_NAMES
 from model.gap.side_by_side import side_by_side
-from model.gap.size import size_of
 from model.gap.slowly import explained_slowly, left_slowly
 from model.gap.study import Study
 from model.gap.transfer import Transferred
@@ -28,10 +27,9 @@ def account_of(
     plain: Fitted,
     confirmed: Mapping[EffectName, Fitted],
     screened: Judged,
-    refitted: Forecast | None,
     flexible: Fitted,
 ) -> Account:
-    """What each fitted effect explains, what any could, and where the plain twin is lost.
+    """What each fitted effect explains, what any could, and how much there is to explain.
 
     Args:
         fitted: The first recording.
@@ -39,7 +37,6 @@ def account_of(
         plain: From `confirm.refit`.
         confirmed: Effects, fitted to the first recording.
         screened: What score tests say.
-        refitted: What `plain` foretells in the other recording.
         flexible: From `ceiling`.
     """
     cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
@@ -82,14 +79,6 @@ def account_of(
         {name: screened.chances[name] for name in EFFECT_NAMES},
         explained,
         shared,
-        _astray(plain, refitted),
         tuple(left),
         told(flexible),
     )
-
-
-def _astray(plain: Fitted, there: Forecast | None) -> tuple[float, ...]:
-    """How far off the refitted twin's free runs are in each recording, over the size of the object."""
-    size = size_of(plain.world.system.points.double().numpy())
-    runs = [plain.foretold, *([] if there is None else [there])]
-    return tuple(one.error / size for one in runs)

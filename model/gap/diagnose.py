@@ -63,12 +63,12 @@ def _diagnosed(
     contest = contested(fitted, screened, tell)
     plain, flexible = contest.plain, contest.flexible
     tell("weigh", 0.75)
-    refitted = None if other is None else other.forecast(plain.hypothesis, plain.estimate.values)
-    account = account_of(fitted, other, plain, contest.confirmed, screened.first, refitted, flexible)
+    account = account_of(fitted, other, plain, contest.confirmed, screened.first, flexible)
     tried = _tried(fitted, contest, screened, account)
     tell("where", 0.92)
     there = None
-    if other is not None and refitted is not None:
+    if other is not None:
+        refitted = other.forecast(plain.hypothesis, plain.estimate.values)
         there = closed_there(fitted, other, refitted, tried.chosen, flexible)
     here = closure(fitted, plain, tried.chosen, flexible)
     found = Found(

@@ -42,10 +42,10 @@ def test_what_is_seen_slowly_counts_by_itself():
 
 def test_without_the_other_recording():
     here, both = {"wind": Explained(0.5, 0.4)}, {"wind": Explained(0.4, 0.3, 0.9)}
-    account = Account("rope", {"wind": 0.1}, here, both, (0.05, 0.01), (4.0, 2.0))
+    account = Account("rope", {"wind": 0.1}, here, both, (4.0, 2.0))
     assert account.told == both
     alone = account.alone
-    assert alone == Account("rope", {"wind": 0.1}, here, {}, (0.05,), (4.0,))
+    assert alone == Account("rope", {"wind": 0.1}, here, {}, (4.0,))
     assert alone.told == alone.explained
 
 
@@ -62,7 +62,7 @@ def test_a_better_sensor_makes_no_twin_worse():
 @pytest.mark.parametrize("flexible", [Explained(0.3, -0.1, slowly=0.2), None])
 def test_comes_back_as_it_was_told(flexible):
     here = {"wind": Explained(0.5, 0.4)}
-    account = Account("rope", {"wind": 0.1}, here, {}, (0.05,), (4.0,), flexible)
+    account = Account("rope", {"wind": 0.1}, here, {}, (4.0,), flexible)
     content = json.loads(json.dumps(asdict(account)))
     assert Account.of(content) == account
     assert Account.of(content).alone == account

@@ -22,7 +22,7 @@ def dragged(hung, studied):
 
 def test_of_one_recording(dragged, twin):
     plain, dragging = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: 4.0})
-    account = account_of(dragged, None, plain, {"quadratic_air_drag": dragging}, SCREENED, None, dragging)
+    account = account_of(dragged, None, plain, {"quadratic_air_drag": dragging}, SCREENED, dragging)
     assert held_out(dragged, dragging.foretold) < held_out(dragged, plain.foretold)
     one = account.explained["quadratic_air_drag"]
     assert one.fitted > 3.0
@@ -31,7 +31,7 @@ def test_of_one_recording(dragged, twin):
     assert one.elsewhere == one.slowly_elsewhere == 0.0
     assert account.shared == {}
     assert account.told == account.explained
-    assert len(account.left) == len(account.astray) == 1
+    assert len(account.left) == 1
     assert set(account.screened) == set(EFFECT_NAMES)
     assert account.flexible == one, "all that is missing is explained as by the effect"
 
@@ -42,8 +42,7 @@ def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell
     seen = studied(shaken(hung, 0.06), (QuadraticAirDrag(),), {DRAG: 4.0}).observation
     other = transferred(dragged, seen)
     plain, wrong = twin(dragged), twin(dragged, (QuadraticAirDrag(),), {DRAG: 8.0})
-    refitted = other.forecast(plain.hypothesis, plain.estimate.values)
-    account = account_of(dragged, other, plain, {"quadratic_air_drag": wrong}, SCREENED, refitted, wrong)
+    account = account_of(dragged, other, plain, {"quadratic_air_drag": wrong}, SCREENED, wrong)
     shared = account.shared["quadratic_air_drag"]
     held = other.followed(wrong).estimate.cost
     assert held > account.left[1], "as strong as the first has it, it does harm"
@@ -52,14 +51,14 @@ def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell
     assert shared.slowly > 0.1
     assert shared.slowly_elsewhere > 0.1
     assert account.told == account.shared
-    assert len(account.left) == len(account.astray) == 2
+    assert len(account.left) == 2
 
 
 def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin):
     null = studied(hung)
     other = transferred(null, studied(shaken(hung, 0.06)).observation)
     plain, faint = twin(null), twin(null, (QuadraticAirDrag(),), {DRAG: 1e-4})
-    account = account_of(null, other, plain, {"quadratic_air_drag": faint}, SCREENED, plain.foretold, plain)
+    account = account_of(null, other, plain, {"quadratic_air_drag": faint}, SCREENED, plain)
     assert account.explained["quadratic_air_drag"].total == 0.0
     assert account.flexible is not None
     assert account.flexible.total == 0.0
@@ -69,7 +68,7 @@ def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin
 def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(grounded, twin):
     study, other, one = grounded
     plain = twin(study, (), {"stiffness": 0.5 * study.base.values["stiffness"]})
-    account = account_of(study, other, plain, {"static_friction": one}, SCREENED, plain.foretold, plain)
+    account = account_of(study, other, plain, {"static_friction": one}, SCREENED, plain)
     shared = account.shared["static_friction"]
     assert shared.fitted > 0.0
     less = np.log(plain.estimate.cost / one.estimate.cost)

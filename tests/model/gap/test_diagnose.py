@@ -51,8 +51,8 @@ def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
     report = holds(diagnosis, swinging)
     assert report.verdict.effect == "none"
     assert report.verdict.probability >= 0.5
-    assert len(diagnosis.account.astray) == 1
-    assert 0.0 < diagnosis.account.astray[0] < 0.1
+    assert len(diagnosis.account.left) == 1
+    assert diagnosis.account.left[0] < 2.0
     assert set(report.where.acts_on) == {0.0}
     assert report.gap.with_effect is None
     assert (diagnosis.effects, diagnosis.fitted) == ((), None)
