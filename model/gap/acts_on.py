@@ -31,6 +31,8 @@ WINS = 3
 """Of the blocks in which it has to leave less, at least."""
 EFFECTIVE = 20.0
 """Independent numbers that a held-out block is taken for, where places are weighed against each other."""
+ALL_ALIKE = 0.5
+"""How likely an effect is to act on all alike, before anything was seen; places are alike likely."""
 TOUCH, MEET = 0.3, 0.1
 """Time [s] on the ground, or near another part, from which an effect of contact acts fully."""
 GROUND_REACH = 0.3
@@ -59,8 +61,9 @@ def acting(study: Study, estimate: Estimate, effect: Effect, where: Field | None
     An effect of grip, hand, ground or surroundings, and a load, acts where its law says. One of the material
     may act in a part of the body. Places are tried - one side of a cut, a patch, and neighbours of the best -
     each by rollouts at two amplitudes. What is between these, with all parameters free to follow linearly, is
-    fitted to four blocks of time and judged on the fifth. Unless some place is better than everywhere by a
-    margin, it is everywhere; else places are averaged with weights by how well they foretell.
+    fitted to four blocks of time and judged on the fifth. The field is what is expected of all these places,
+    weighed by how well they foretell. A fit takes it only where some place is better than everywhere by a
+    margin; else it is slight, and says where the effect acts if it does not act on all alike.
 
     Args:
         study: The plain twin, fitted.
@@ -82,11 +85,10 @@ def acting(study: Study, estimate: Estimate, effect: Effect, where: Field | None
     more = near_places_of(points, tried[best])
     tried, verdicts = [*tried, *more], [*verdicts, *judge(more)]
     best = min(range(len(tried)), key=lambda i: verdicts[i].loss)
+    field = _expected(tried, verdicts)
     wins = int((verdicts[best].losses < verdicts[0].losses).sum())
     if verdicts[0].loss - verdicts[best].loss < LEAST or wins < WINS:
-        return _acting(world, tried[0].field, None)
-    weights = softmax(-0.5 * EFFECTIVE * BLOCKS * np.array([verdict.loss for verdict in verdicts]))
-    field = rescaled(weights @ np.stack([place.field for place in tried]))
+        return _acting(world, field, None)
     return _acting(world, field, tensor(field), verdicts[best].scale)
 
 
@@ -167,6 +169,14 @@ class _Judge:
             losses.append(float(((low[here] + columns[here] @ size) ** 2).sum()))
         share = float(_sizes(sum(grams) + prior, sum(rights))[-1])
         return _Verdict(np.array(losses), 1.0 + share * (scale - 1.0))
+
+
+def _expected(tried: Sequence[Place], verdicts: Sequence[_Verdict]) -> Float64[Array, " P"]:
+    """How strongly it is expected to act on each mass point, 1 at most; the first place is everywhere."""
+    prior = np.array([ALL_ALIKE, *np.full(len(tried) - 1, (1.0 - ALL_ALIKE) / max(len(tried) - 1, 1))])
+    losses = np.array([verdict.loss for verdict in verdicts])
+    weights = softmax(np.log(prior) - 0.5 * EFFECTIVE * BLOCKS * losses)
+    return rescaled(weights @ np.stack([place.field for place in tried]))
 
 
 def _sizes(gram: Float64[Array, "n n"], right: Float64[Array, " n"]) -> Float64[Array, " n"]:

@@ -20,7 +20,7 @@ from model.gap.search import STRENGTHS, affordable, known, named_probes, strong
 from model.gap.study import STEPS, Study, quarter_of, starts_of
 from model.types import Array
 
-TIMES: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 1}
+TIMES: Mapping[Shape, int] = {"rope": 8, "sheet": 4, "solid": 4}
 """So often each place where a fit of the plain twin may begin is looked at, with other strengths of the
 effect; what has many springs takes longer."""
 FOLLOWED: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 2}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from model.gap.acts_on import Meeting, acting
+from model.gap.acts_on import ALL_ALIKE, Meeting, acting
 from model.gap.effects import GripSlip, GroundAdhesion, MassHeterogeneity, SelfContact, StrainStiffening
 
 SPRINGY = {"strain_stiffening.stiffening": 60.0}
@@ -35,7 +35,21 @@ def test_all_of_it_stiffens(pulled, studied, fitted):
     found = acting(study, fitted(study, StrainStiffening(), SPRINGY), StrainStiffening())
     assert not found.local
     assert found.where is None
-    np.testing.assert_allclose(found.points, 1.0, atol=1e-6)
+    assert found.points.min() > ALL_ALIKE, "that no place is better by a margin says that it may be all alike"
+
+
+def test_a_half_of_which_little_is_told_is_told_as_little(pulled, studied, fitted, monkeypatch):
+    """No fit takes it, and yet it says where to look first."""
+    places = torch.from_numpy(studied(pulled).plain.twin.body.points)
+    study = studied(pulled, (StrainStiffening(),), SPRINGY, (places[:, 0] < 0.15).double())
+    estimate = fitted(study, StrainStiffening(), FITTED)
+    monkeypatch.setattr("model.gap.acts_on.EFFECTIVE", 0.05)
+    monkeypatch.setattr("model.gap.acts_on.LEAST", 9.0)
+    found = acting(study, estimate, StrainStiffening())
+    assert not found.local
+    assert found.where is None
+    assert auc(found.points, pulled.points[0, :, 0] < 0.15) > 0.9
+    assert found.points.min() > ALL_ALIKE
 
 
 def test_a_grip_acts_on_what_is_held(hung, studied, fitted):
