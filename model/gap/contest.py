@@ -5,7 +5,7 @@ be explained; where no fitted effect explains half of that, the next likely ones
 that lacks nothing, or an effect that was found, costs no more than before.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -20,7 +20,7 @@ from model.gap.estimate import Estimate
 from model.gap.screen import Screened
 from model.gap.search import Begun
 from model.gap.side_by_side import side_by_side
-from model.gap.stages import Progress, within
+from model.gap.stages import Portion, Progress, within
 from model.gap.study import DEAR, Study
 from model.gap.verdict import Judged
 from model.schema import EffectName
@@ -50,7 +50,7 @@ class Contest:
     """With a force that may be any missing physics."""
 
 
-def unexplained(plain: float, force: float, effects: Sequence[float]) -> bool:
+def explain_too_little(plain: float, force: float, effects: Sequence[float]) -> bool:
     """Whether a force that may be anything explains something, and no effect half as much of it.
 
     Args:
@@ -80,7 +80,7 @@ def contested(fitted: Study, screened: Screened, tell: Progress) -> Contest:
     plain = _refitted(fitted, anew)
     contest = _fought(fitted, screened, plain, anew, within(tell, "confirm", 0.42, 0.58))
     costs = [one.estimate.cost for one in contest.confirmed.values()]
-    if not others or not unexplained(plain.estimate.cost, contest.flexible.estimate.cost, costs):
+    if not others or not explain_too_little(plain.estimate.cost, contest.flexible.estimate.cost, costs):
         return contest
     more = _anew(fitted, screened, others, within(tell, "confirm", 0.58, 0.66))
     again, then = _refitted(fitted, more), within(tell, "confirm", 0.66, 0.75)
@@ -112,7 +112,7 @@ def fitted_with(
 
 
 def _anew(
-    fitted: Study, screened: Screened, names: Sequence[EffectName], tell: Callable[[float], None]
+    fitted: Study, screened: Screened, names: Sequence[EffectName], tell: Portion
 ) -> dict[EffectName, Estimate]:
     """Fits of each that begin anywhere."""
 
@@ -142,7 +142,7 @@ def _fought(
     screened: Screened,
     plain: Fitted,
     anew: Mapping[EffectName, Estimate],
-    tell: Callable[[float], None],
+    tell: Portion,
     flexible: Fitted | None = None,
 ) -> Contest:
     """Beside one plain twin: effects that were fitted from anywhere, and the force unless it is known."""

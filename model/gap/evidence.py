@@ -6,7 +6,7 @@ columns; what is kept are their inner products in cells of time and of distance 
 test, of one effect or of several, held out in time or not, is algebra on these.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from model.gap.heading import heading
 from model.gap.misfit import STEPS, Misfit, Span
 from model.gap.probes import probes
 from model.gap.side_by_side import side_by_side
+from model.gap.stages import Portion
 from model.gap.study import Study
 from model.types import Array
 
@@ -118,9 +119,7 @@ def _spread(grams: Float64[Array, "c p p"], places: Sequence[int | None]) -> Flo
     return spread
 
 
-def gather(
-    study: Study, effects: Sequence[Effect], progress: Callable[[float], None] | None = None
-) -> Evidence:
+def gather(study: Study, effects: Sequence[Effect], progress: Portion | None = None) -> Evidence:
     """Roll out what could explain the gap that a study found.
 
     Args:

@@ -5,10 +5,9 @@ delay of 0.03 s does. So each effect is tried at sizes from faint to overwhelmin
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TypeAlias
 
 import numpy as np
 from jaxtyping import Float64
@@ -21,11 +20,10 @@ from model.gap.misfit import STEPS, Misfit
 from model.gap.probes import probes
 from model.gap.schema import EFFECT_NAMES
 from model.gap.side_by_side import side_by_side
+from model.gap.stages import Portion
 from model.gap.study import Study
 from model.schema import EffectName
 from model.types import Array
-
-Progress: TypeAlias = Callable[[float], None]
 
 STRENGTHS = (0.25, 1.0, 4.0, 16.0)
 """Of what a probe is."""
@@ -59,7 +57,7 @@ class Begun:
 
 
 def searched(
-    study: Study, effects: Sequence[Effect], progress: Progress | None = None
+    study: Study, effects: Sequence[Effect], progress: Portion | None = None
 ) -> dict[EffectName, Begun]:
     """Where a fit of each effect may begin, after a step; what leaves least first.
 

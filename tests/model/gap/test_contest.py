@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.gap.contest import FITTED, THERE, contested, likely, unexplained
+from model.gap.contest import FITTED, THERE, contested, explain_too_little, likely
 from model.gap.effects import GravityTilt, QuadraticAirDrag, SteadyWind
 from model.gap.schema import EFFECT_NAMES
 from model.gap.screen import screen
@@ -42,7 +42,7 @@ def test_what_the_jury_believes_what_promises_and_what_leaves_least_comes_first(
 )
 def test_what_is_there_and_not_explained(force, effects, more):
     left = [8.0 * np.exp(-one) for one in (force, *effects)]
-    assert unexplained(8.0, left[0], left[1:]) == more
+    assert explain_too_little(8.0, left[0], left[1:]) == more
 
 
 @pytest.mark.slow
