@@ -22,7 +22,7 @@ from model.types import Array
 
 TIMES: Mapping[Shape, int] = {"rope": 8, "sheet": 4, "solid": 4}
 """So often each place where a fit of the plain twin may begin is looked at, with other strengths of the
-effect; what has many springs takes longer."""
+effect; what has many springs takes longer, and is looked at once where rollouts take long."""
 FOLLOWED: Mapping[Shape, int] = {"rope": 2, "sheet": 1, "solid": 2}
 """Of all that is looked at, where rollouts do not take long; of two one is faint and one strong."""
 
@@ -37,7 +37,7 @@ def afresh(study: Study, hypothesis: Hypothesis, suggested: Mapping[str, float] 
             begins with them too, and with the plain twin's; None: it suggests none.
     """
     (effect,) = hypothesis.effects
-    misfit = study.misfit.of(hypothesis)
+    misfit = study.affordable(study.misfit.of(hypothesis))
     starts, strength = _starts(study, misfit, effect)
     left = (misfit(starts) ** 2).mean(1)
     quarter = quarter_of(misfit)
@@ -59,7 +59,8 @@ def _starts(
 
     Stiff ones need finer steps in time, and so does all that is looked at after them.
     """
-    own, times = starts_of(study.misfit, study.start), TIMES[study.plain.twin.body.shape]
+    own = starts_of(study.misfit, study.start)
+    times = 1 if study.dear else TIMES[study.plain.twin.body.shape]
     (usual,) = known(misfit, study.base.values, [{}])
     tried = list(product(affordable(misfit, usual), named_probes(study, effect)))
     # each in turn, in an order that has nothing to do with that of the places

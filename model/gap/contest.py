@@ -26,11 +26,14 @@ from model.gap.verdict import Judged
 from model.schema import EffectName
 
 FITTED: Mapping[Shape, int] = {"rope": 5, "sheet": 4, "solid": 5}
-"""So many effects at first, and as many again if they explain too little."""
+"""So many effects at first, and as many again if they explain too little and rollouts are quick."""
 FITTED_DEAR = 3
 """At most, where rollouts take long."""
 LABORIOUS: Mapping[Shape, float] = {"rope": DEAR, "sheet": 1e7, "solid": DEAR}
 """Work of a rollout from which on that is so: fits of sheets take twice as long as others."""
+QUICK = 3e6
+"""Work of a rollout up to which there is time for a second round: a diagnosis is to take less than three
+minutes, and of cloths and solids the first one takes two of them."""
 THERE = 0.1
 """E-folds that a flexible force explains of the fitted frames where there is something to be explained:
 healthy ropes and solids leave it a few hundredths."""
@@ -75,7 +78,7 @@ def contested(fitted: Study, screened: Screened, tell: Progress) -> Contest:
     order = likely(screened.begins, screened.first)
     shape = fitted.plain.twin.body.shape
     most = FITTED_DEAR if fitted.work > LABORIOUS[shape] else FITTED[shape]
-    first, others = order[:most], order[most : 2 * most]
+    first, others = order[:most], order[most : 2 * most] if fitted.work <= QUICK else []
     anew = _anew(fitted, screened, first, within(tell, "confirm", 0.3, 0.42))
     plain = _refitted(fitted, anew)
     contest = _fought(fitted, screened, plain, anew, within(tell, "confirm", 0.42, 0.58))

@@ -42,6 +42,8 @@ SPREAD = {
 """How far around the places are, in powers of e."""
 DEAR = 1.5e7
 """Work from which on less is looked at: stiff solids take longer than anything else."""
+COSTLIEST = 2.0
+"""There no fit leads to where so many times finer time steps are needed than by the plain twin."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,12 @@ class Study:
     def dear(self) -> bool:
         """A rollout takes so long that whoever has a choice looks at less."""
         return self.work > DEAR
+
+    def affordable(self, misfit: Misfit) -> Misfit:
+        """The same; where rollouts take long, worlds that take much longer still are given up as lost."""
+        if not self.dear:
+            return misfit
+        return misfit.giving_up(round(COSTLIEST * self.misfit.needs(self.base.vector)))
 
     def frame_of_residuals(self) -> Int64[Array, " m"]:
         """Frame of each residual of the misfit, which has three for each point that is seen."""

@@ -82,6 +82,12 @@ def test_the_plain_twin_may_begin_where_an_effect_was_found(dragged, misled):
     assert refit(dragged, bad).estimate.values == own.estimate.values
 
 
+def test_where_rollouts_take_long_each_place_is_looked_at_once(dragged, with_drag, monkeypatch):
+    monkeypatch.setattr("model.gap.study.DEAR", 0.0)
+    starts, _ = _starts(dragged, dragged.misfit.of(with_drag), QuadraticAirDrag())
+    assert len(starts) == len(starts_of(dragged.misfit, dragged.start))
+
+
 def test_every_strength_of_every_probe_is_looked_at_softest_first(dragged, with_drag):
     misfit = dragged.misfit.of(with_drag)
     starts, strength = _starts(dragged, misfit, QuadraticAirDrag())

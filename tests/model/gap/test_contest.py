@@ -65,6 +65,14 @@ def test_where_the_likely_explain_too_little_others_are_fitted(short, studied, m
 
 
 @pytest.mark.slow
+def test_where_rollouts_are_not_quick_there_is_no_second_round(short, studied, misled, monkeypatch):
+    monkeypatch.setattr("model.gap.contest.QUICK", 0.0)
+    study = studied(short, (GravityTilt(),), {"gravity_tilt.about_y": 0.35}, softer=1.0)
+    contest = contested(study, screen(study, None, lambda stage, share: None), lambda stage, share: None)
+    assert list(contest.confirmed) == [SURE]
+
+
+@pytest.mark.slow
 def test_where_nothing_is_missing_no_others_are_fitted(short, studied, misled):
     study = studied(short, softer=1.0)
     screened = screen(study, None, lambda stage, share: None)

@@ -8,7 +8,7 @@ import pytest
 from model.gap.erring_hand import HAND, HOLD
 from model.gap.estimate import FIRST_HORIZON, estimate
 from model.gap.misfit import Span
-from model.gap.study import FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
+from model.gap.study import COSTLIEST, FOLLOWED, SPREAD, STARTS, STEPS, best_fit, starts_of, study
 
 # a fit takes the substeps of its first worlds for all; `diagnose` is silent about it as well
 pytestmark = pytest.mark.filterwarnings("ignore::model.simulator.pace.StabilityWarning")
@@ -116,3 +116,16 @@ def test_one_start_more_cannot_harm(found, monkeypatch):
     two = best_fit(found.misfit.of(found.plain).until(6), found.start)
     assert two.cost <= one.cost
     assert found.misfit.span == Span(0, found.split - 1)
+
+
+def test_where_rollouts_take_long_fits_give_up_worlds_that_take_longer_still(found, monkeypatch):
+    assert found.affordable(found.misfit) is found.misfit
+    monkeypatch.setattr("model.gap.study.DEAR", 0.0)
+    bounded = found.affordable(found.misfit)
+    assert bounded.most == round(COSTLIEST * found.misfit.needs(found.base.vector))
+    near = bounded(found.base.vector[None])[0]
+    np.testing.assert_allclose(near, found.base.residuals, atol=1e-3)
+    stiff = found.base.values | {"stiffness": 1e3 * found.base.values["stiffness"]}
+    far = bounded.coordinates.vector(stiff)
+    assert bounded.needs(far) > bounded.most
+    assert (bounded(far[None]) == found.observer.lost / found.misfit.noise).all()
