@@ -28,6 +28,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.optimize import minimize
 from scipy.special import logsumexp
+from scipy.stats import iqr
 
 from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
 from model.errors import InputError
@@ -65,8 +66,6 @@ STIFF = 0.2
 """How much a weight costs that is one away from that, in nats."""
 EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "harm", "flexible")
 """No answer is believed less for explaining more."""
-QUARTILES = 1.349
-"""Standard deviations of a normal distribution between its quartiles."""
 TENTH = 0.1
 """Share of what a flexible force explains from which on it is counted that no effect explains it."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
@@ -247,9 +246,9 @@ def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
             left.setdefault(one.account.shape, []).extend(np.log(one.account.left))
     found: dict[str, tuple[float, float, int]] = {}
     for shape, each in sorted(left.items()):
-        low, median, high = np.quantile(each, (0.25, 0.5, 0.75)).tolist()
-        if low < high:
-            found[shape] = (median, (high - low) / QUARTILES, len(each))
+        width = float(iqr(each, scale="normal"))
+        if width > 0.0:
+            found[shape] = (float(np.median(each)), width, len(each))
     return found
 
 

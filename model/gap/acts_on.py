@@ -173,7 +173,8 @@ class _Judge:
 
 def _expected(tried: Sequence[Place], verdicts: Sequence[_Verdict]) -> Float64[Array, " P"]:
     """How strongly it is expected to act on each mass point, 1 at most; the first place is everywhere."""
-    prior = np.array([ALL_ALIKE, *np.full(len(tried) - 1, (1.0 - ALL_ALIKE) / max(len(tried) - 1, 1))])
+    others = len(tried) - 1
+    prior = np.array([ALL_ALIKE, *np.full(others, (1.0 - ALL_ALIKE) / others)])
     losses = np.array([verdict.loss for verdict in verdicts])
     weights = softmax(np.log(prior) - 0.5 * EFFECTIVE * BLOCKS * losses)
     return rescaled(weights @ np.stack([place.field for place in tried]))

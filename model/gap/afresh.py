@@ -37,7 +37,7 @@ def afresh(study: Study, hypothesis: Hypothesis, suggested: Mapping[str, float] 
             begins with them too, and with the plain twin's; None: it suggests none.
     """
     (effect,) = hypothesis.effects
-    misfit = study.affordable(study.misfit.of(hypothesis))
+    misfit = study.in_time(study.misfit.of(hypothesis))
     starts, strength = _starts(study, misfit, effect)
     left = (misfit(starts) ** 2).mean(1)
     quarter = quarter_of(misfit)

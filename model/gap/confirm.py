@@ -158,8 +158,8 @@ def fitted(
     Growing horizons are for who starts far away: from here they lead astray as often as they help, and the
     fit would no longer be sure to end at least as well as it began.
     """
-    misfit = study.affordable(study.misfit.of(hypothesis))
-    misfit = misfit if most is None else misfit.giving_up(most)
+    misfit = study.misfit.of(hypothesis)
+    misfit = study.in_time(misfit) if most is None else misfit.giving_up(most)
     found = estimate(misfit, start[None], steps, study.split, slopes=slopes)
     return Fitted(misfit, found, forecast(study.observer, hypothesis.at(found.values), study.split))
 

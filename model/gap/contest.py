@@ -78,7 +78,8 @@ def contested(fitted: Study, screened: Screened, tell: Progress) -> Contest:
     order = likely(screened.begins, screened.first)
     shape = fitted.plain.twin.body.shape
     most = FITTED_DEAR if fitted.work > LABORIOUS[shape] else FITTED[shape]
-    first, others = order[:most], order[most : 2 * most] if fitted.work <= QUICK else []
+    first = order[:most]
+    others = order[most : 2 * most] if fitted.work <= QUICK else []
     anew = _anew(fitted, screened, first, within(tell, "confirm", 0.3, 0.42))
     plain = _refitted(fitted, anew)
     contest = _fought(fitted, screened, plain, anew, within(tell, "confirm", 0.42, 0.58))

@@ -83,7 +83,7 @@ class Study:
         """A rollout takes so long that whoever has a choice looks at less."""
         return self.work > DEAR
 
-    def affordable(self, misfit: Misfit) -> Misfit:
+    def in_time(self, misfit: Misfit) -> Misfit:
         """The same; where rollouts take long, worlds that take much longer still are given up as lost."""
         if not self.dear:
             return misfit

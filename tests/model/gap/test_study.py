@@ -119,9 +119,9 @@ def test_one_start_more_cannot_harm(found, monkeypatch):
 
 
 def test_where_rollouts_take_long_fits_give_up_worlds_that_take_longer_still(found, monkeypatch):
-    assert found.affordable(found.misfit) is found.misfit
+    assert found.in_time(found.misfit) is found.misfit
     monkeypatch.setattr("model.gap.study.DEAR", 0.0)
-    bounded = found.affordable(found.misfit)
+    bounded = found.in_time(found.misfit)
     assert bounded.most == round(COSTLIEST * found.misfit.needs(found.base.vector))
     near = bounded(found.base.vector[None])[0]
     np.testing.assert_allclose(near, found.base.residuals, atol=1e-3)
