@@ -54,7 +54,8 @@ class Playground:
 
     def run(self) -> None:
         """Simulate and send until `stop`; what goes wrong in the simulation is raised here."""
-        mover = threading.Thread(target=self._move, name="playground", daemon=True)
+        # not a daemon: an interrupt before the join would leave one in torch, which aborts as Python ends
+        mover = threading.Thread(target=self._move, name="playground")
         mover.start()
         try:
             while not self._stop.wait(1.0 / PICTURES):

@@ -1,13 +1,17 @@
 """The playground, driven as a person would: real clicks and drags in a real page."""
 
+import contextlib
 import signal
 import subprocess
 import sys
+import threading
 import urllib.request
 from pathlib import Path
 
 import numpy as np
 import pytest
+
+from model.playground.browser.server import open_playground
 
 pytestmark = pytest.mark.slow
 
@@ -64,6 +68,27 @@ def test_a_click_pins_a_control_point_and_one_with_shift_removes_it(play):
     page.page.keyboard.up("Shift")
     page.wait(lambda: not page.session.moment.grips, "the control point to go")
     assert page.settled()[:, 2].max() < 0.2
+
+
+def test_an_interrupt_just_as_the_simulation_starts_leaves_no_thread_behind(
+    green_twin, free_port, monkeypatch
+):
+    started, start = [], threading.Thread.start
+
+    def interrupted(thread):
+        start(thread)
+        if thread.name == "playground":
+            started.append(thread)
+            raise KeyboardInterrupt
+
+    playground = open_playground(green_twin, port=free_port)
+    monkeypatch.setattr(threading.Thread, "start", interrupted)
+    with pytest.raises(KeyboardInterrupt), contextlib.closing(playground):
+        playground.run()
+    (mover,) = started
+    assert not mover.daemon
+    mover.join(30)
+    assert not mover.is_alive()
 
 
 def test_the_command_serves_until_it_is_interrupted(green_twin, free_port):
