@@ -16,7 +16,7 @@ TYPES = {torch.float32: ("float", "int32_t"), torch.float64: ("double", "int64_t
 """The number a kernel computes with, and the whole number of its size."""
 ENGINE = Path(__file__).with_name("engine")
 ONE_BY_ONE = (
-    ("vectors", "rows", "frame", "edge", "edges"),
+    ("vectors", "exponential", "rows", "frame", "edge", "edges"),
     (
         "land",
         "stencils",
@@ -26,7 +26,7 @@ ONE_BY_ONE = (
         "backward",
     ),
 )
-SIDE_BY_SIDE = ("vectors", "frame", "edge"), ("land", "abreast")
+SIDE_BY_SIDE = ("vectors", "exponential", "frame", "edge"), ("land", "abreast")
 """Files of the engine before and after the traced laws: for worlds one by one, and for many side by side."""
 LANES = {
     False: [f"#define LANES {layout.LANES}"],

@@ -34,11 +34,9 @@ INLINE V smaller(V a, V b) { return a < b ? a : b; }
 INLINE V magnitude(V a) { return a < 0 ? -a : a; }
 #define EACH(name, call) \
   static __attribute__((noinline)) V name(V a) { V r; for (int i = 0; i < W; ++i) r[i] = call(a[i]); return r; }
-EACH(exponential, std::exp)
 EACH(logarithm, std::log)
 EACH(sine, std::sin)
 EACH(cosine, std::cos)
-EACH(tangent, std::tanh)
 static __attribute__((noinline)) V power(V a, V b) {
   V r; for (int i = 0; i < W; ++i) r[i] = std::pow(a[i], b[i]); return r;
 }
