@@ -61,11 +61,6 @@ class Explained:
         others = (min(_explained(left), most) if left is not None else 0.0 for left in (later, elsewhere))
         return cls(first, *others, *(float(np.clip(one, *MOST)) for one in slowly))
 
-    @property
-    def total(self) -> float:
-        """Of all parts."""
-        return self.fitted + self.later + self.elsewhere + self.slowly + self.slowly_elsewhere
-
 
 @dataclass(frozen=True)
 class Account:
