@@ -62,7 +62,7 @@ def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin
     assert account.explained["quadratic_air_drag"] == Explained()
     assert account.flexible is not None
     assert account.flexible == Explained()
-    assert account.shared["quadratic_air_drag"].total == 0.0
+    assert account.shared["quadratic_air_drag"] == Explained()
 
 
 def test_what_has_nothing_to_act_on_elsewhere_explains_nothing_there(grounded, twin):
