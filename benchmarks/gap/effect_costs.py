@@ -7,14 +7,15 @@ guessed from the observation, every effect at its start. Run: `python -m benchma
 import argparse
 import time
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from benchmarks.simulator.turns import Run, in_turns
 from model.gap.bodies.body import body_of
 from model.gap.effects import ALL_EFFECTS
-from model.gap.misfit import Misfit
 from model.gap.noise import noise_of
 from model.gap.plain import PlainTwin
 from model.gap.study import misfit_of
@@ -43,22 +44,19 @@ def costs(observation: Path) -> list[Cost]:
     """Of the plain twin, then of every effect that can act there."""
     seen = read_observation(observation)
     twin = PlainTwin.of(body_of(seen), seen)
-    misfit, start = misfit_of(twin, seen, noise_of(seen))
-    world = misfit.hypothesis.at(start)
+    plain, start = misfit_of(twin, seen, noise_of(seen))
+    world = plain.hypothesis.at(start)
     effects = [effect for effect in (every() for every in ALL_EFFECTS) if effect.unable(world) is None]
-    alone = [(effect.name, misfit.of(replace(misfit.hypothesis, effects=(effect,)))) for effect in effects]
-    return [_cost(name, one) for name, one in [("plain", misfit), *alone]]
-
-
-def _cost(name: str, misfit: Misfit) -> Cost:
-    vectors = np.repeat(misfit.coordinates.starts[None], WORLDS, 0)
-    misfit(vectors)  # compiles
-    taken = []
-    for _ in range(TIMES):
-        begun = time.process_time()
-        misfit(vectors)
-        taken.append(time.process_time() - begun)
-    return Cost(name, min(taken), misfit.needs(vectors[0]))
+    misfits = {"plain": plain} | {
+        effect.name: plain.of(plain.hypothesis.with_effect(effect)) for effect in effects
+    }
+    worlds = {name: np.repeat(misfit.coordinates.starts[None], WORLDS, 0) for name, misfit in misfits.items()}
+    runs: dict[str, Run] = {name: partial(misfit, worlds[name]) for name, misfit in misfits.items()}
+    seconds = in_turns(runs, TIMES, time.process_time)
+    return [
+        Cost(name, float(seconds[name].min()), misfit.needs(worlds[name][0]))
+        for name, misfit in misfits.items()
+    ]
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -1,6 +1,7 @@
 """What a diagnosis compares everything with: a plain twin, fitted to part of what was seen."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -72,11 +73,15 @@ class Study:
         seen[0] = False
         return seen
 
+    @cached_property
+    def substeps(self) -> int:
+        """Per frame, that the plain twin asks for."""
+        return self.misfit.needs(self.base.vector)
+
     @property
     def work(self) -> int:
         """Of a rollout: springs times substeps of the plain twin, over all frames."""
-        springs, frames = len(self.plain.twin.body.springs), len(self.observation.times)
-        return springs * frames * self.misfit.needs(self.base.vector)
+        return len(self.plain.twin.body.springs) * len(self.observation.times) * self.substeps
 
     @property
     def dear(self) -> bool:
@@ -87,7 +92,7 @@ class Study:
         """The same; where rollouts take long, worlds that take much longer still are given up as lost."""
         if not self.dear:
             return misfit
-        return misfit.giving_up(round(COSTLIEST * self.misfit.needs(self.base.vector)))
+        return misfit.giving_up(round(COSTLIEST * self.substeps))
 
     def frame_of_residuals(self) -> Int64[Array, " m"]:
         """Frame of each residual of the misfit, which has three for each point that is seen."""
