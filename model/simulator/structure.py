@@ -14,6 +14,10 @@ LONGEST = 2.0
 """Longest side of a cell, in spacings."""
 NEAR = 1.5
 """Springs between neighbours are no longer than this, over how far a point usually is from its nearest."""
+FEWEST = 3
+"""Neighbours of which three always lie in a plane with a point: they say nothing of how thick it is."""
+THINNEST = 0.2
+"""A body is thin where neighbours are less far from a plane than this, of how far they are apart in it."""
 FLATTEST = 0.02
 """Least volume of a cell, in cubed spacings: a regular tetrahedron has 0.118."""
 
@@ -63,6 +67,37 @@ def between_neighbours(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2
     np.minimum.at(shortest, springs.ravel(), np.repeat(length, 2))
     near: Int64[Array, "F 2"] = springs[length <= NEAR * np.median(shortest[np.isfinite(shortest)])]
     return near
+
+
+def faces(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[Array, "F 3"]:
+    """Triangles of springs between neighbours, as the net of a sheet has; none in what is thick or a line.
+
+    Args:
+        points: At rest [m].
+        springs: Pairs of points.
+    """
+    near = np.sort(between_neighbours(points, springs), axis=1)
+    if not _is_thin(points, near):
+        return np.zeros((0, 3), np.int64)
+    linked = np.zeros((len(points), len(points)), bool)
+    linked[near[:, 0], near[:, 1]] = True
+    edge, third = np.nonzero(linked[near[:, 0]] & linked[near[:, 1]])
+    triangles = np.column_stack([near[edge], third])
+    ordered: Int64[Array, "F 3"] = triangles[np.lexsort(triangles.T[::-1])]
+    return ordered
+
+
+def _is_thin(points: Float64[Array, "N 3"], near: Int64[Array, "F 2"]) -> bool:
+    """Whether points and their neighbours mostly lie in planes: sheets do within 0.03, solids within 0.4."""
+    ends = np.concatenate([near, near[:, ::-1], np.repeat(np.arange(len(points))[:, None], 2, axis=1)])
+    count = np.bincount(ends[:, 0], minlength=len(points))
+    middle = np.zeros((len(points), 3))
+    np.add.at(middle, ends[:, 0], points[ends[:, 1]])
+    away = points[ends[:, 1]] - (middle / count[:, None])[ends[:, 0]]
+    spread = np.zeros((len(points), 3, 3))
+    np.add.at(spread, ends[:, 0], away[:, :, None] * away[:, None])
+    least, second, _ = np.linalg.eigvalsh(spread[count > FEWEST]).T
+    return bool(len(least)) and bool(np.median(least.clip(0) / second.clip(1e-18)) < THINNEST**2)
 
 
 def turns(points: Float64[Array, "N 3"], triples: Int64[Array, "S 3"]) -> Float64[Array, " S"]:

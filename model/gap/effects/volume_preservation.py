@@ -9,7 +9,7 @@ import torch
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, on_points
 from model.gap.world import World
 from model.simulator.forces.volume import Volume
-from model.simulator.structure import cells
+from model.simulator.structure import cells, faces
 
 
 class VolumePreservation(Effect):
@@ -42,4 +42,8 @@ class VolumePreservation(Effect):
 
 
 def _cells(world: World) -> tuple[np.ndarray, np.ndarray]:
-    return cells(world.system.points.double().numpy(), world.spacing)
+    """None of a sheet, whose folds may hold some."""
+    points = world.system.points.double().numpy()
+    if len(faces(points, world.system.springs.numpy())):
+        return np.zeros((0, 4), np.int64), np.zeros(0)
+    return cells(points, world.spacing)

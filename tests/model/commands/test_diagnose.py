@@ -18,7 +18,7 @@ from model.observation import write_observation
 from model.types import Observation
 
 FRAMES = 20
-WIND = record_of(SteadyWind, {"drag_per_mass": 1.0, "x": 3.0, "y": 0.0})
+WIND = record_of(SteadyWind, {"drag_per_mass": 1.0, "x": 3.0, "y": 0.0, "facing": 0.5})
 FILES = {"report.json", "report.html"}
 
 

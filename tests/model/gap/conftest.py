@@ -315,7 +315,8 @@ def twin():
 
 def _twin(study, effects=(), values=()):
     misfit = study.misfit.of(replace(study.plain, effects=effects))
-    known = {**study.base.values, **dict(values)}
+    start = {name: quantity.start for name, quantity in misfit.hypothesis.quantities.items()}
+    known = {**start, **study.base.values, **dict(values)}
     vector = misfit.coordinates.vector(known)
     residuals = misfit(vector[None])[0]
     slopes = np.zeros((len(residuals), len(vector)))

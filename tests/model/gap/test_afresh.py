@@ -13,7 +13,7 @@ from model.gap.probes import probes
 from model.gap.search import STRENGTHS
 from model.gap.study import starts_of
 
-DRAG = "quadratic_air_drag.drag_per_mass"
+DRAG, FACING = "quadratic_air_drag.drag_per_mass", "quadratic_air_drag.facing"
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_wherever_the_plain_twin_ended(dragged, misled, with_drag):
 def test_a_fit_begins_with_what_another_recording_suggests_too(dragged, with_drag, monkeypatch):
     """Where nothing that is looked at is followed."""
     monkeypatch.setattr("model.gap.afresh._followed", lambda left, strength, count: [])
-    found = afresh(dragged, with_drag, {DRAG: 5.0})
+    found = afresh(dragged, with_drag, {DRAG: 5.0, FACING: 0.9})
     assert found.values[DRAG] == pytest.approx(4.0, rel=0.2)
     assert found.cost < 0.7 * dragged.base.cost
 
@@ -62,7 +62,7 @@ def hasty(misfit, starts, steps, shortest, *, slopes):
 def test_a_fit_takes_it_where_it_leaves_less(misled, with_drag, monkeypatch):
     """From the wrong valley a fit of few steps does not get all the way."""
     plain, anew = refit(misled), afresh(misled, with_drag)
-    bad = misled.misfit.of(with_drag).coordinates.vector({**misled.base.values, DRAG: 90.0})
+    bad = misled.misfit.of(with_drag).coordinates.vector({**misled.base.values, DRAG: 90.0, FACING: 0.9})
     monkeypatch.setattr("model.gap.confirm.estimate", hasty)
     stuck = confirm(misled, plain, with_drag.effects, bad)
     found = confirm(misled, plain, with_drag.effects, bad, anew=anew)

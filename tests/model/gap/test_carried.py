@@ -46,7 +46,7 @@ def test_a_late_hand_of_which_one_place_is_known_is_there(twin_path):
 def test_effects_act_one_upon_the_other_and_where_they_are_told(block):
     count = len(block.system.points)
     half = torch.arange(count, dtype=torch.float64) < count / 2
-    wind = record_of(ALL_EFFECTS[9], {"drag_per_mass": 5.0, "x": 3.0, "y": 0.0})
+    wind = record_of(ALL_EFFECTS[9], {"drag_per_mass": 5.0, "x": 3.0, "y": 0.0, "facing": 0.5})
     stiff = record_of(ALL_EFFECTS[0], {"stiffening": 500.0}, where=half.double())
     assert stiff.acts_on == (1.0,) * (count // 2) + (0.0,) * (count - count // 2)
     with torch.no_grad():
@@ -138,7 +138,7 @@ def test_what_cannot_act_is_refused(loose):
 class TestBundle:
     def test_a_twin_rolls_out_with_its_effects(self, twin_path, tmp_path):
         plain = TwinBundle.load(twin_path)
-        drag = record_of(ALL_EFFECTS[8], {"drag_per_mass": 30.0})
+        drag = record_of(ALL_EFFECTS[8], {"drag_per_mass": 30.0, "facing": 0.5})
         replace(plain, effects=(drag,)).save(tmp_path / "other.twin.zip")
         twin = TwinBundle.load(tmp_path / "other.twin.zip")
         without, slowed = plain.rollout(substeps=60), twin.rollout(substeps=60)

@@ -14,7 +14,7 @@ from model.gap.effects.base import Effect, Quantity
 from model.gap.search import beginning
 
 STIFFENING = "strain_stiffening.stiffening"
-DRAG = "quadratic_air_drag.drag_per_mass"
+DRAG, FACING = "quadratic_air_drag.drag_per_mass", "quadratic_air_drag.facing"
 
 
 def confirmed(study, plain, effects, values):
@@ -56,7 +56,7 @@ def test_what_was_planted_is_confirmed(dragged):
     assert found.evidence > 5.0
     assert held_out(dragged, found.foretold) < 0.7 * held_out(dragged, plain.foretold)
     assert found.at_bound == ()
-    assert set(found.intervals) == {DRAG}
+    assert set(found.intervals) == {DRAG, FACING}
 
 
 def test_what_a_twin_leaves_beyond_noise_widens_intervals_twice(dragged):
@@ -94,7 +94,10 @@ def test_an_absurd_amount_is_told(dragged):
     plain = refit(dragged)
 
     class Faint(QuadraticAirDrag):
-        quantities: ClassVar = {"drag_per_mass": Quantity("1/m", (0.005, 1.0), 0.5, log=True)}
+        quantities: ClassVar = {
+            **QuadraticAirDrag.quantities,
+            "drag_per_mass": Quantity("1/m", (0.005, 1.0), 0.5, log=True),
+        }
 
     found = confirmed(dragged, plain, (Faint(),), {DRAG: 0.5})
     assert found.at_bound == (DRAG,)
@@ -104,7 +107,7 @@ def test_an_absurd_amount_is_told(dragged):
 def test_two_effects_are_fitted_together(dragged):
     plain = refit(dragged)
     found = confirmed(dragged, plain, (QuadraticAirDrag(), Placebo()), {DRAG: 1.0})
-    assert set(found.intervals) == {DRAG, "placebo.amount"}
+    assert set(found.intervals) == {DRAG, FACING, "placebo.amount"}
     assert found.estimate.values[DRAG] == pytest.approx(4.0, rel=0.2)
     assert np.isfinite(found.evidence)
 
@@ -134,7 +137,7 @@ def test_a_promising_fit_is_followed_to_its_end(dragged):
     """From a start far off, four steps stop on the way; one that explains nothing is not followed at all."""
     plain = refit(dragged)
     hypothesis = replace(dragged.plain, effects=(QuadraticAirDrag(),))
-    start = dragged.misfit.of(hypothesis).coordinates.vector({**dragged.base.values, DRAG: 0.05})
+    start = dragged.misfit.of(hypothesis).coordinates.vector({**dragged.base.values, DRAG: 0.05, FACING: 0.9})
     short = fitted(dragged, hypothesis, start, steps=1)
     longer = further(dragged, short)
     assert longer.estimate.cost < 0.9 * short.estimate.cost
@@ -148,7 +151,7 @@ def test_a_fit_that_ends_worse_than_the_refitted_twin_is_made_from_there(null):
     plain, effect = refit(null), QuadraticAirDrag()
     misfit = null.misfit.of(replace(null.plain, effects=(effect,)))
     values = {**plain.estimate.values, "stiffness": 200.0 * plain.estimate.values["stiffness"]}
-    start = misfit.coordinates.vector({**values, DRAG: 1.0})
+    start = misfit.coordinates.vector({**values, DRAG: 1.0, FACING: 0.9})
     assert fitted(null, misfit.hypothesis, start).estimate.cost > 1.05 * plain.estimate.cost
     found = confirm(null, plain, (effect,), start)
     assert found.estimate.cost < 1.01 * plain.estimate.cost

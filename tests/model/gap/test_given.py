@@ -52,7 +52,7 @@ def test_its_start_is_the_twin_as_it_came(twin):
 
 
 def test_effects_that_it_carries_go_on(twin):
-    slowed = replace(twin, effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 30.0}),))
+    slowed = replace(twin, effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 30.0, "facing": 0.5}),))
     observation = filmed(slowed)
     with_it, without = (
         np.abs(at_start(given_twin(t, observation)) - observation.points).max() for t in (slowed, twin)
@@ -62,7 +62,9 @@ def test_effects_that_it_carries_go_on(twin):
 
 def test_those_that_cannot_act_in_a_recording_are_left_out(twin):
     sticky = record_of(GroundAdhesion, {"pull_per_mass": 5.0, "reach": 0.01, "at_contact": 0.0})
-    sticking = replace(twin, effects=(sticky, record_of(QuadraticAirDrag, {"drag_per_mass": 30.0})))
+    sticking = replace(
+        twin, effects=(sticky, record_of(QuadraticAirDrag, {"drag_per_mass": 30.0, "facing": 0.5}))
+    )
     plain = given_twin(sticking, filmed(twin))
     assert plain.observation.ground_height is None
     names = set(at_world(plain).simulator.forces)
@@ -89,7 +91,11 @@ def test_a_finer_twin_is_made_coarser(twin):
     whole = tuple(float(z) for z in twin.topology.points[:, 2] > 0.29)
     here = replace(
         twin,
-        effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 3.0}).model_copy(update={"acts_on": whole}),),
+        effects=(
+            record_of(QuadraticAirDrag, {"drag_per_mass": 3.0, "facing": 0.5}).model_copy(
+                update={"acts_on": whole}
+            ),
+        ),
     )
     with pytest.warns(UserWarning, match=r"27 points were merged into \d+"):
         plain = given_twin(here, observation, most=20)

@@ -13,7 +13,7 @@ from model.gap.search import FAINT
 from model.gap.slowly import left_slowly
 from model.gap.transfer import transferred
 
-DRAG = "quadratic_air_drag.drag_per_mass"
+DRAG, FACING = "quadratic_air_drag.drag_per_mass", "quadratic_air_drag.facing"
 TRUE = 4.0
 
 
@@ -41,15 +41,16 @@ def test_coordinates_of_the_effect_are_shared_and_all_others_apart(joint):
     assert (low < high).all()
     inside = 0.4 * low + 0.6 * high
     first, second = both.of_each(inside)
-    place = here.coordinates.names.index(DRAG)
-    assert first[place] == second[place]
-    assert len(inside) == len(first) + len(second) - 1
+    for name in (DRAG, FACING):
+        place = here.coordinates.names.index(name)
+        assert first[place] == second[place]
+    assert len(inside) == len(first) + len(second) - 2
     np.testing.assert_array_equal(both.vector(first, second), inside)
 
 
 def test_residuals_are_those_of_both_over_what_plain_twins_leave(joint, dragged, other):
     both, here = joint
-    values = {**dragged.base.values, DRAG: TRUE}
+    values = {**dragged.base.values, DRAG: TRUE, FACING: 0.9}
     there = other.misfit(other.hypothesis(here.hypothesis))
     first = here.coordinates.vector(values)
     second = there.coordinates.vector({**values, **other.own})
@@ -63,7 +64,7 @@ def test_residuals_are_those_of_both_over_what_plain_twins_leave(joint, dragged,
 
 def test_slopes_are_those_of_what_is_called(joint, dragged, other):
     both, here = joint
-    values = {**dragged.base.values, DRAG: TRUE}
+    values = {**dragged.base.values, DRAG: TRUE, FACING: 0.9}
     there = other.misfit(other.hypothesis(here.hypothesis))
     at = both.vector(here.coordinates.vector(values), there.coordinates.vector({**values, **other.own}))
     slopes = both.jacobian(at, 0.02)
@@ -175,7 +176,7 @@ def test_a_fitted_twin_is_not_lost_to_its_time_steps(dragged, other, twin, monke
 
 def test_each_recording_believes_of_its_own_what_it_would_alone(joint, dragged, other):
     both, here = joint
-    values = {**dragged.base.values, DRAG: TRUE}
+    values = {**dragged.base.values, DRAG: TRUE, FACING: 0.9}
     there = other.misfit(other.hypothesis(here.hypothesis))
     first, second = here.coordinates.vector(values), there.coordinates.vector({**values, **other.own})
     at = both.vector(first, second)
@@ -183,7 +184,7 @@ def test_each_recording_believes_of_its_own_what_it_would_alone(joint, dragged, 
     usual = 0.5 * (here.size + there.size)
     for side, misfit, vector, left in ((0, here, first, 4.0), (1, there, second, 9.0)):
         alone, scale = misfit.belief(misfit(vector[None])[0], vector), (usual / misfit.size / left) ** 0.5
-        own = np.array([name != DRAG for name in misfit.coordinates.names])
+        own = np.array([name not in (DRAG, FACING) for name in misfit.coordinates.names])
         for part, by in (("centre", 1.0), ("spread", 1.0), ("unit", scale)):
             together = both.of_each(getattr(believed, part))[side]
             np.testing.assert_allclose(together[own], by * getattr(alone, part)[own])

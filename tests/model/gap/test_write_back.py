@@ -20,7 +20,7 @@ from model.gap.write_back import cannot_act, twin_of, with_findings
 from model.simulator.structure import rows, spans
 from model.types import Observation, Parameter
 
-DRAG = record_of(QuadraticAirDrag, {"drag_per_mass": 3.0})
+DRAG = record_of(QuadraticAirDrag, {"drag_per_mass": 3.0, "facing": 0.5})
 
 
 @pytest.fixture
@@ -48,8 +48,10 @@ def predicted(plain: PlainTwin, values: dict[str, float]) -> np.ndarray:
 
 class TestGiven:
     def test_the_effect_is_added_and_the_rest_stays(self, twin, seen, found, tmp_path):
-        wind = record_of(SteadyWind, {"drag_per_mass": 1.0, "x": 1.0, "y": 0.0})
-        old = replace(twin, effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 1.0}), wind))
+        wind = record_of(SteadyWind, {"drag_per_mass": 1.0, "x": 1.0, "y": 0.0, "facing": 0.5})
+        old = replace(
+            twin, effects=(record_of(QuadraticAirDrag, {"drag_per_mass": 1.0, "facing": 0.5}), wind)
+        )
         new = with_findings(old, seen, Diagnosis(found(seen, "quadratic_air_drag"), (DRAG,)))
         assert new.effects == (wind, DRAG)
         assert new.preview is None
@@ -125,7 +127,7 @@ class TestGiven:
             ("gravity_tilt", {"about_x": 0.2, "about_y": 0.0}),
             ("mass_heterogeneity", {"excess": 1.0, "x": 0.5, "y": 0.5, "z": 0.5, "radius": 0.3}),
             ("actuation_delay", {"delay": 0.05}),
-            ("quadratic_air_drag", {"drag_per_mass": 1.0}),
+            ("quadratic_air_drag", {"drag_per_mass": 1.0, "facing": 0.5}),
         ],
     )
     def test_what_is_carried_already_acts_as_it_was_fitted(self, twin, seen, found, name, values):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.simulator.structure import between_neighbours, cells, rows, spans, turns
+from model.simulator.structure import between_neighbours, cells, faces, rows, spans, turns
 
 
 def test_a_chain_is_one_row():
@@ -58,3 +58,22 @@ def test_what_is_flat_has_no_cells():
     flat = np.stack(np.meshgrid(np.arange(4), np.arange(4)), -1).reshape(-1, 2) * 0.1
     corners, volumes = cells(np.concatenate([flat, np.zeros((16, 1))], 1), 0.1)
     assert len(corners) == len(volumes) == 0
+
+
+def test_faces_of_a_net_are_its_triangles():
+    """Two for each of 3 × 2 meshes of a net of rows; springs that reach over a neighbour make none."""
+    column, row = np.meshgrid(np.arange(4), np.arange(3), indexing="ij")
+    points = np.stack([column + 0.5 * (row % 2), np.sqrt(0.75) * row, 0.0 * row], -1).reshape(-1, 3)
+    apart = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    near, far = (np.argwhere(np.triu((apart > 0) & (apart < reach), 1)) for reach in (1.2, 2.2))
+    triangles = faces(points, near)
+    assert len(triangles) == 12
+    assert len(np.unique(np.sort(triangles, 1), axis=0)) == 12
+    sides = points[triangles[:, 1:]] - points[triangles[:, :1]]
+    np.testing.assert_allclose(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1), np.sqrt(0.75))
+    assert faces(points, far).tolist() == triangles.tolist()
+
+
+def test_a_chain_has_no_faces():
+    points = np.stack([0.1 * np.arange(5), np.zeros(5), np.zeros(5)], -1)
+    assert faces(points, np.stack([np.arange(4), np.arange(1, 5)], -1)).shape == (0, 3)
