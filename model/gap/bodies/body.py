@@ -20,6 +20,7 @@ from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
 from model.gap.bodies.tension import stands
 from model.gap.bodies.underside import underside
+from model.gap.bodies.unfolded import unfolded
 from model.gap.noise import noise_of
 from model.types import Array, Observation
 
@@ -85,6 +86,11 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     if shape in (None, "solid") and held_from_afar(observation, places):
         return _reaching(seen, controllers, scale)
     shape = shape or shape_of(observation, places)
+    if shape != "rope":
+        known = np.isfinite(seen[:, 0])
+        laid_open = unfolded(observation.points[:, known], places)
+        if laid_open is not None:
+            return _folded(seen, laid_open, controllers, scale)
     points, springs, spacing = _joined(shape, seen, observation, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
@@ -128,6 +134,25 @@ def _reaching(seen: Float64[Array, "N 3"], controllers: Float64[Array, "C 3"], s
     index, weight = between(seen, made.points)
     grip = grip_of(made.points, controllers, made.girth)
     return Body("solid", made.points, springs, made.share, index, weight, grip, made.spacing, made.girth)
+
+
+def _folded(
+    seen: Float64[Array, "N 3"],
+    laid_open: Float64[Array, "n 3"],
+    controllers: Float64[Array, "C 3"],
+    scale: float,
+) -> Body:
+    """A sheet, made where it is laid open, and put where what is seen of it is at first."""
+    known = np.isfinite(seen[:, 0])
+    made, spacing = net(laid_open, scale)
+    made, springs = bridged(made, REACH["sheet"] * spacing, LEAST, spacing)
+    index, weight = between(made, laid_open)
+    points = (weight[..., None] * seen[known][index]).sum(1)
+    places = np.full(seen.shape, np.nan)
+    places[known] = laid_open
+    index, weight = between(places, made)
+    grip = grip_of(points, controllers, GRASP["sheet"] * spacing)
+    return Body("sheet", points, springs, _shares(made, "sheet"), index, weight, grip, spacing)
 
 
 def _joined(
