@@ -16,6 +16,7 @@ from model.gap.bodies.neighbours import pairs_within
 from model.gap.bodies.reached import bar, held_from_afar
 from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import chain, is_thick
+from model.gap.bodies.shares import shares
 from model.gap.bodies.sheet import net
 from model.gap.bodies.solid import lattice
 from model.gap.bodies.tension import stands
@@ -94,7 +95,7 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
     points, springs, spacing = _joined(shape, seen, observation, scale)
     index, weight = between(seen, points)
     grip = grip_of(points, controllers, GRASP[shape] * spacing)
-    body = Body(shape, points, springs, _shares(points, shape), index, weight, grip, spacing)
+    body = Body(shape, points, springs, shares(points, springs, shape, spacing), index, weight, grip, spacing)
     thick = shape == "rope" and is_thick(seen, points, noise_of(observation))
     return with_skin(body, seen, points, observation.ground_height) if thick else body
 
@@ -152,7 +153,9 @@ def _folded(
     places[known] = laid_open
     index, weight = between(places, made)
     grip = grip_of(points, controllers, GRASP["sheet"] * spacing)
-    return Body("sheet", points, springs, _shares(made, "sheet"), index, weight, grip, spacing)
+    return Body(
+        "sheet", points, springs, shares(made, springs, "sheet", spacing), index, weight, grip, spacing
+    )
 
 
 def _joined(
@@ -202,12 +205,3 @@ def between(
     square = rows * closeness[:, None] @ rows.swapaxes(1, 2) + SOFT * np.eye(4)
     weight = closeness * (rows.swapaxes(1, 2) @ np.linalg.inv(square)[:, :, :1])[..., 0]
     return index.astype(np.int64), weight / weight.sum(1, keepdims=True)
-
-
-def _shares(points: Float64[Array, "P 3"], shape: Shape) -> Float64[Array, " P"]:
-    """Each point has the matter around it: more where points are sparse."""
-    distance = cKDTree(points).query(points, k=min(5, len(points)))[0][:, 1:].mean(1)
-    share = distance ** {"rope": 1, "sheet": 2, "solid": 3}[shape]
-    share = np.clip(share, 0.3 * np.median(share), 3.0 * np.median(share))
-    result: Float64[Array, " P"] = share / share.sum()
-    return result
