@@ -53,7 +53,7 @@ def test_what_was_planted_is_confirmed(dragged):
     low, high = found.intervals[DRAG]
     assert low < 4.0 < high < 3.0 * low
     assert found.foretold.error < 0.9 * plain.foretold.error
-    assert found.evidence > 5.0
+    assert found.evidence > 1000.0
     assert held_out(dragged, found.foretold) < 0.7 * held_out(dragged, plain.foretold)
     assert found.at_bound == ()
     assert set(found.intervals) == {DRAG, FACING}
@@ -86,7 +86,7 @@ def test_where_nothing_is_missing_nothing_is_found(null):
     plain = refit(null)
     found = confirmed(null, plain, (QuadraticAirDrag(),), {DRAG: 1.0})
     assert found.foretold.error == pytest.approx(plain.foretold.error, rel=0.05)
-    assert found.evidence < 2.0
+    assert abs(found.evidence) < 20.0  # -6 to 8 in ten draws of the noise; of what was planted 5500
     assert found.estimate.values[DRAG] < 0.5
 
 
@@ -100,7 +100,7 @@ def test_an_absurd_amount_is_told(dragged):
         }
 
     found = confirmed(dragged, plain, (Faint(),), {DRAG: 0.5})
-    assert found.at_bound == (DRAG,)
+    assert DRAG in found.at_bound
     assert found.intervals[DRAG][1] <= 1.0 + 1e-9
 
 
