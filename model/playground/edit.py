@@ -7,8 +7,8 @@ from jaxtyping import Float32
 
 from model.bundle import TwinBundle
 from model.formats.parameters import UNITS
-from model.gap.carried import CATALOGUE, record_of, values_of
-from model.playground.settings import Settings, settings_of
+from model.gap.carried import CATALOGUE, record_of
+from model.playground.settings import Settings, settings_of, wind_of
 from model.schema import EffectRecord, PartRecord, StageRecord, StiffnessRecord, content_id
 from model.types import Array, Parameter, Parameters
 from model.version import __version__
@@ -75,10 +75,10 @@ def _effects(given: tuple[EffectRecord, ...], before: Settings, after: Settings)
         return given if after.effects else kept
     if carried is None and after.wind == (0.0, 0.0):
         return kept
-    values = {name: quantity.start for name, quantity in CATALOGUE["wind"].quantities.items()}
-    if carried is not None:
-        values |= values_of(carried, "effects.json: wind")
-    values |= {"drag_per_mass": after.air_grip, "x": after.wind[0], "y": after.wind[1]}
+    start = {name: quantity.start for name, quantity in CATALOGUE["wind"].quantities.items()}
+    values = (
+        start | wind_of(given) | {"drag_per_mass": after.air_grip, "x": after.wind[0], "y": after.wind[1]}
+    )
     wind = record_of(CATALOGUE["wind"], values)
     if carried is not None:
         wind = wind.model_copy(update={"acts_on": carried.acts_on})

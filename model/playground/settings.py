@@ -47,7 +47,7 @@ def settings_of(bundle: TwinBundle) -> Settings:
     parameters = bundle.parameters
     height = ground_height(parameters)
     lowest = float(bundle.topology.points[:, 2].min())
-    blowing = _wind_of(bundle.effects)
+    blowing = wind_of(bundle.effects)
     return Settings(
         gravity=gravity(parameters),
         ground=height is not None,
@@ -68,7 +68,7 @@ def part_count(bundle: TwinBundle) -> int:
     return max(len(bundle.parts), int(np.max(bundle.topology.part)) + 1)
 
 
-def _wind_of(effects: Sequence[EffectRecord]) -> dict[str, float]:
+def wind_of(effects: Sequence[EffectRecord]) -> dict[str, float]:
     """The values of the wind that a twin carries; none where it carries none."""
     found = next((record for record in effects if record.name == "wind"), None)
     return {} if found is None else values_of(found, "effects.json: wind")

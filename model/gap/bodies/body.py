@@ -80,7 +80,8 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
         InputError: fewer than three points are ever seen.
     """
     seen = rest_places(observation)
-    places = seen[np.isfinite(seen[:, 0])]
+    known = np.isfinite(seen[:, 0])
+    places = seen[known]
     if len(places) < 3:
         raise InputError("points: fewer than three are ever seen: nothing to build a body of")
     controllers = observation.controllers[0].astype(np.float64)
@@ -88,7 +89,6 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
         return _reaching(seen, controllers, scale)
     shape = shape or shape_of(observation, places)
     if shape != "rope":
-        known = np.isfinite(seen[:, 0])
         laid_open = unfolded(observation.points[:, known], places)
         if laid_open is not None:
             return _folded(seen, laid_open, controllers, scale)

@@ -67,7 +67,7 @@ def _as_hard_to_turn(
 def _pieces(
     points: Float64[Array, "P 3"], springs: Int64[Array, "E 2"], shape: Shape, spacing: float
 ) -> tuple[Int64[Array, "n k"], Float64[Array, " n"]]:
-    """Corners of what is between points, and its length, area or volume."""
+    """Corners of what is between points, and its length, volume, or twice its area."""
     if shape == "solid":
         return cells(points, spacing)
     if shape == "sheet":

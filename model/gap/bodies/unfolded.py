@@ -7,12 +7,10 @@ apart in the cloth. But they part as it moves, and what is joined stays as near 
 import warnings
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int64
-from scipy.optimize import minimize
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
+from jaxtyping import Float, Float64, Int64
 from scipy.spatial import cKDTree
 
+from model.gap.bodies.laid_out import by_ways, eased, joined
 from model.gap.bodies.neighbours import usual_distance
 from model.types import Array
 
@@ -30,16 +28,16 @@ JOINED = 8
 APART = 0.3
 """What a pair counts that is nearer than it was seen to be, against neighbours that are not as far apart as
 they are: no two points are farther apart in space than in the cloth."""
-STEPS = 1000
-"""At most, to ease what was laid out by ways."""
+EASED = 10.0**7 * np.finfo(np.float64).eps
+"""A step that gains less than this share is the last."""
 
 
 def unfolded(points: Float[Array, "T N 3"], places: Float64[Array, "N 3"]) -> Float64[Array, "N 3"] | None:
     """Where points are in a cloth that is laid open [m]; None where it is not folded upon itself at first.
 
-    Such that the ways in it are as long as they are (Isomap: J. B. Tenenbaum, V. de Silva, J. C. Langford,
-    Science 290 (2000)), and from there such that neighbours are as far apart as they ever are, and no others
-    nearer than that. In space, not in the plane: a tube has no place there, and what never opens stays bent.
+    Such that the ways in it are as long as they are (Isomap), and from there such that neighbours are as far
+    apart as they ever are, and no others nearer than that. In space, not in the plane: a tube has no place
+    there, and what never opens stays bent.
 
     Args:
         points: In each frame [m], NaN where not seen.
@@ -48,12 +46,15 @@ def unfolded(points: Float[Array, "T N 3"], places: Float64[Array, "N 3"]) -> Fl
     if len(places) <= JOINED or not _is_folded(points, places):
         return None
     apart = _ever_apart(points, places)
-    joined = _joined(apart)
-    steps = coo_matrix((apart[*joined], joined), apart.shape)
-    ways = dijkstra(steps.tocsr(), directed=False)
-    if not np.isfinite(ways).all():
+    away = apart + np.diag(np.full(len(apart), np.inf))
+    pairs = joined(np.argsort(away, axis=1, kind="stable")[:, :JOINED])
+    laid = by_ways(len(apart), pairs, apart[*pairs], axes=3)
+    if laid is None:
         return None
-    return _eased(_laid_out(ways), apart, joined)
+    every = np.concatenate([pairs, np.stack(np.triu_indices(len(apart), 1))], axis=1)
+    others = np.arange(every.shape[1]) >= pairs.shape[1]
+    weight = np.where(others, APART, 1.0)
+    return eased(laid, every, apart[*every], weight=weight, only_nearer=others, until=EASED)
 
 
 def _is_folded(points: Float[Array, "T N 3"], places: Float64[Array, "N 3"]) -> bool:
@@ -87,58 +88,3 @@ def _ever_apart(points: Float[Array, "T N 3"], places: Float64[Array, "N 3"]) ->
     apart = np.zeros((len(places), len(places)))
     apart[*pairs] = apart[*pairs[::-1]] = np.maximum(_farthest(points, pairs, at_first), 1e-9)
     return apart
-
-
-def _joined(apart: Float64[Array, "N N"]) -> Int64[Array, "2 E"]:
-    """Pairs of each point and those that stay nearest to it."""
-    away = apart + np.diag(np.full(len(apart), np.inf))
-    near = np.argsort(away, axis=1, kind="stable")[:, :JOINED]
-    pairs = np.stack([np.repeat(np.arange(len(near)), JOINED), near.ravel()], axis=1)
-    joined: Int64[Array, "2 E"] = np.unique(np.sort(pairs, axis=1), axis=0).T
-    return joined
-
-
-def _laid_out(ways: Float64[Array, "N N"]) -> Float64[Array, "N 3"]:
-    """Places that are as far apart as ways are long, as nearly as can be."""
-    square = ways**2
-    inner = -0.5 * (square - square.mean(0) - square.mean(1)[:, None] + square.mean())
-    values, vectors = np.linalg.eigh(inner)
-    places: Float64[Array, "N 3"] = vectors[:, :-4:-1] * np.sqrt(values[:-4:-1].clip(0))
-    return places
-
-
-def _strain(
-    places: Float64[Array, "N 3"], apart: Float64[Array, "N N"], pairs: Int64[Array, "2 E"]
-) -> Float64[Array, " E"]:
-    """Of each pair, by how much it is farther apart than it should be [1]."""
-    now = np.linalg.norm(places[pairs[1]] - places[pairs[0]], axis=1)
-    strain: Float64[Array, " E"] = now / apart[*pairs] - 1.0
-    return strain
-
-
-def _eased(
-    places: Float64[Array, "N 3"], apart: Float64[Array, "N N"], joined: Int64[Array, "2 E"]
-) -> Float64[Array, "N 3"]:
-    """The least strained, from where ways that zigzag between points have put them."""
-    every = np.stack(np.triu_indices(len(places), 1))
-    pairs = np.concatenate([joined, every], axis=1)
-    only_nearer: Bool[Array, " E"] = np.arange(pairs.shape[1]) >= joined.shape[1]
-    count = np.where(only_nearer, APART, 1.0)
-    wanted = apart[*pairs]
-
-    def cost(at: Float64[Array, " n"]) -> tuple[float, Float64[Array, " n"]]:
-        """Sum of squares, and its slope."""
-        now = at.reshape(places.shape)
-        strain = _strain(now, apart, pairs)
-        strain[only_nearer] = np.minimum(strain[only_nearer], 0.0)
-        way = now[pairs[1]] - now[pairs[0]]
-        length = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
-        pull = (2.0 * count * strain / (wanted * length))[:, None] * way
-        slope = np.zeros_like(now)
-        np.add.at(slope, pairs[1], pull)
-        np.add.at(slope, pairs[0], -pull)
-        return float((count * strain**2).sum()), slope.ravel()
-
-    found = minimize(cost, places.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": STEPS})
-    eased: Float64[Array, "N 3"] = found.x.reshape(places.shape)
-    return eased

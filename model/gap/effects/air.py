@@ -1,5 +1,6 @@
 """What air does to a body that moves through it: to its points, and to the faces of a sheet."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from model.gap.effects.base import Field, mass_of, on_points
 from model.gap.world import World
-from model.simulator.forces.base import Scalar
+from model.simulator.forces.base import ForceTerm, Scalar
 from model.simulator.forces.vectors import Vector, cross, dot, minus, plus, times
 from model.simulator.structure import faces
 
@@ -53,6 +54,28 @@ def on_face(
 def of_face(velocities: tuple[Vector, ...]) -> Vector:
     """Velocity [m/s] of a triangle's middle."""
     return times(1.0 / 3.0, plus(plus(velocities[0], velocities[1]), velocities[2]))
+
+
+def in_air(
+    world: World,
+    drag_per_mass: Tensor,
+    where: Field | None,
+    on_points_alone: Callable[[Tensor, Tensor], ForceTerm],
+    on_faces: Callable[[Tensor, Tensor], ForceTerm],
+) -> World:
+    """The world with what air does to it.
+
+    Args:
+        world: Without it.
+        drag_per_mass: [1/m].
+        where: How strongly it acts on each mass point, 0..1; None: on all alike.
+        on_points_alone: The force on points, by their indices and coefficients [kg/m].
+        on_faces: The same on faces.
+    """
+    for met, force in zip(met_by_air(world, where), (on_points_alone, on_faces), strict=True):
+        if len(met.stencils):
+            world = world.with_force(force(met.stencils, drag_per_mass * met.mass.to(drag_per_mass)))
+    return world
 
 
 def met_by_air(world: World, where: Field | None = None) -> tuple[Met, Met]:

@@ -1,12 +1,13 @@
 """Air that resists fast motion more than in proportion."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import ClassVar
 
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.air import met_by_air, of_face, on_face, on_point
+from model.gap.effects.air import in_air, of_face, on_face, on_point
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
@@ -94,11 +95,5 @@ class QuadraticAirDrag(Effect):
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Put the object in air."""
-        points, faces = met_by_air(world, where)
-        by = values["drag_per_mass"]
-        if len(points.stencils):
-            world = world.with_force(AirDrag(points.stencils, by * points.mass.to(by)))
-        if len(faces.stencils):
-            drag = AirDragOnFaces(faces.stencils, by * faces.mass.to(by), values["facing"])
-            world = world.with_force(drag)
-        return world
+        faces = partial(AirDragOnFaces, facing=values["facing"])
+        return in_air(world, values["drag_per_mass"], where, AirDrag, faces)

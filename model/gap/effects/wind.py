@@ -1,13 +1,14 @@
 """Air that moves."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.air import met_by_air, of_face, on_face, on_point
+from model.gap.effects.air import in_air, of_face, on_face, on_point
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values
 from model.gap.heading import turned_level
 from model.gap.world import World
@@ -133,14 +134,9 @@ class SteadyWind(Effect):
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Let it blow."""
-        points, faces = met_by_air(world, where)
-        by, x, y = values["drag_per_mass"], values["x"], values["y"]
-        if len(points.stencils):
-            world = world.with_force(Wind(points.stencils, by * points.mass.to(by), x, y))
-        if len(faces.stencils):
-            facing = values["facing"]
-            world = world.with_force(WindOnFaces(faces.stencils, by * faces.mass.to(by), facing, x, y))
-        return world
+        blown = {axis: values[axis] for axis in "xy"}
+        points, faces = partial(Wind, **blown), partial(WindOnFaces, facing=values["facing"], **blown)
+        return in_air(world, values["drag_per_mass"], where, points, faces)
 
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
         """It blows another way."""

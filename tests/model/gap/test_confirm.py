@@ -100,7 +100,7 @@ def test_an_absurd_amount_is_told(dragged):
         }
 
     found = confirmed(dragged, plain, (Faint(),), {DRAG: 0.5})
-    assert DRAG in found.at_bound
+    assert found.at_bound == (DRAG, FACING)
     assert found.intervals[DRAG][1] <= 1.0 + 1e-9
 
 
