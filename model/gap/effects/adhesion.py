@@ -93,7 +93,7 @@ class GroundAdhesion(Effect):
         """Make the ground sticky."""
         assert world.ground_height is not None
         share = on_points(world, where) * mass_of(world)
-        points = torch.arange(len(share)).unsqueeze(-1)
+        points = torch.arange(share.shape[-1]).unsqueeze(-1)
         pull = values["pull_per_mass"] * share.to(values["pull_per_mass"])
         return world.with_force(
             Adhesion(points, pull, values["reach"], values["at_contact"], world.ground_height)

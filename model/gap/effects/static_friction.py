@@ -96,7 +96,7 @@ class StaticFriction(Effect):
         """Make the ground rough for what stands still."""
         assert world.ground_height is not None
         share = on_points(world, where) * mass_of(world)
-        points = torch.arange(len(share)).unsqueeze(-1)
+        points = torch.arange(share.shape[-1]).unsqueeze(-1)
         excess = values["excess_per_mass"] * share.to(values["excess_per_mass"])
         reach = 0.25 * world.spacing
         return world.with_force(Stribeck(points, excess, values["slip_speed"], reach, world.ground_height))
