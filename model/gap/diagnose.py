@@ -86,7 +86,8 @@ def _tried(fitted: Study, contest: Contest, screened: Screened, account: Account
     effects, begins = screened.effects, screened.begins
     if best not in confirmed:
         confirmed[best] = fitted_with(fitted, plain, screened, best)
-    second = second_of(verdict, screened.signs, screened.evidence)
+    first = confirmed[best].world
+    second = second_of(verdict, screened.signs, screened.evidence, effects, first)
     both = None
     if second is not None and second != best:
         values = {**confirmed[best].estimate.values, **values_of(fitted, effects[second], begins[second])}

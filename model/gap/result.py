@@ -48,8 +48,9 @@ class DiagnosisResult:
         if not self.diagnosis.effects:
             return None
         if self.bundle is None:
-            return twin_of(self.observation, self.diagnosis, self.plain)
-        made = with_findings(self.bundle, self.observation, self.diagnosis)
+            made = twin_of(self.observation, self.diagnosis, self.plain)
+        else:
+            made = with_findings(self.bundle, self.observation, self.diagnosis)
         why = cannot_act(made)
         if why is not None:
             warnings.warn(f"no twin was written: what was found cannot act in it: {why}", stacklevel=2)

@@ -7,9 +7,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from model.gap.classifier import CLASSES, NONE, UNKNOWN, Jury
+from model.gap.effects.base import Effect
 from model.gap.evidence import Evidence
 from model.gap.schema import EFFECT_NAMES, VerdictName
 from model.gap.signs import Signs
+from model.gap.world import World
 from model.schema import EffectName
 from model.types import Array
 
@@ -47,14 +49,30 @@ def judged(jury: Jury, signs: Signs) -> Judged:
     return Judged({name: float(chance) for name, chance in zip(CLASSES, chances, strict=True)})
 
 
-def second_of(verdict: Judged, signs: Signs, evidence: Evidence) -> EffectName | None:
-    """An effect that may be at work beside the first; whether it is, is for fits to say."""
+def second_of(
+    verdict: Judged,
+    signs: Signs,
+    evidence: Evidence,
+    effects: Mapping[EffectName, Effect],
+    world: World,
+) -> EffectName | None:
+    """An effect that may be at work beside the first; whether it is, is for fits to say.
+
+    Args:
+        verdict: Whose likeliest effect is the first.
+        signs: What the recording shows of each effect.
+        evidence: What these are of.
+        effects: Those that can act.
+        world: With the first, beside which not all of them can.
+    """
     first = verdict.ranked[0]
     if first not in signs.names:
         return None
     probe = dict(zip(signs.names, signs.probe.tolist(), strict=True))
     others = [
-        name for name in verdict.ranked[1:] if name in probe and name not in alike(evidence, signs, first)
+        name
+        for name in verdict.ranked[1:]
+        if name in probe and name not in alike(evidence, signs, first) and effects[name].unable(world) is None
     ]
     if not others:
         return None

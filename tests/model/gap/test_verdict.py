@@ -4,12 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from model.gap.classifier import CLASSES
+from model.gap.effects import ALL_EFFECTS, Damage, Plasticity, SteadyWind
 from model.gap.signs import signs_of
 from model.gap.verdict import Judged, alike, isolability, second_of
 
 SIZE = 400
+
+
+EVERY = {kind.name: kind() for kind in ALL_EFFECTS}
 
 
 def said(**chances):
@@ -30,6 +35,17 @@ def ways():
         "damage": ("damage", {"rate": 1.0}, damage),
         "grip_slip": ("grip_slip", {"slip": 1.0}, slip),
     }
+
+
+@pytest.fixture
+def beside(block):
+    """A function: the effects, and the block with the first of them."""
+
+    def of(kind):
+        start = {name: torch.tensor(q.start, dtype=torch.float64) for name, q in kind.quantities.items()}
+        return EVERY, kind().apply(block, start)
+
+    return of
 
 
 @pytest.fixture
@@ -90,23 +106,38 @@ def test_isolability_is_the_cosine_of_what_projections_leave(two, ways):
     np.testing.assert_allclose(np.diag(found), 1.0)
 
 
-def test_a_second_effect_explains_what_the_first_leaves(two):
+def test_a_second_effect_explains_what_the_first_leaves(two, beside):
     signs = signs_of(two, "sheet", 2.0, False)
-    assert second_of(said(wind=0.6, damage=0.3), signs, two) == "damage"
+    assert second_of(said(wind=0.6, damage=0.3), signs, two, *beside(SteadyWind)) == "damage"
 
 
-def test_a_look_alike_is_no_second_effect_but_the_next_may_be(two):
+def test_a_look_alike_is_no_second_effect_but_the_next_may_be(two, beside):
     signs = signs_of(two, "sheet", 2.0, False)
     judged = said(wind=0.4, gravity_tilt=0.3, damage=0.2)
-    assert second_of(judged, signs, two) == "damage"
+    assert second_of(judged, signs, two, *beside(SteadyWind)) == "damage"
 
 
-def test_there_is_no_second_that_is_unlikely_explains_nothing_or_cannot_act(two):
+@pytest.mark.parametrize(("first", "other"), [(Damage, Plasticity), (Plasticity, Damage)])
+def test_what_cannot_act_beside_the_first_is_no_second_effect_but_the_next_may_be(
+    first, other, made, ways, evened, beside
+):
+    yielding = np.random.default_rng(9).normal(size=SIZE)
+    columns = {**ways, "plasticity": ("plasticity", {"rate": 1.0}, yielding)}
+    both = sum(columns[name][2] for name in ("damage", "plasticity", "grip_slip"))
+    evidence = made(list(columns.values()), evened(np.random.default_rng(8).normal(size=SIZE) - both))
+    signs = signs_of(evidence, "sheet", 2.0, False)
+    judged = said(**{first.name: 0.4, other.name: 0.3, "grip_slip": 0.2})
+    assert second_of(judged, signs, evidence, *beside(SteadyWind)) == other.name
+    assert second_of(judged, signs, evidence, *beside(first)) == "grip_slip"
+
+
+def test_there_is_no_second_that_is_unlikely_explains_nothing_or_cannot_act(two, beside):
     signs = signs_of(two, "sheet", 2.0, False)
-    assert second_of(said(wind=0.9, damage=0.09), signs, two) is None
-    assert second_of(said(wind=0.5, grip_slip=0.4), signs, two) is None
-    assert second_of(said(adhesion=0.6, damage=0.3), signs, two) is None
+    with_wind = beside(SteadyWind)
+    assert second_of(said(wind=0.9, damage=0.09), signs, two, *with_wind) is None
+    assert second_of(said(wind=0.5, grip_slip=0.4), signs, two, *with_wind) is None
+    assert second_of(said(adhesion=0.6, damage=0.3), signs, two, *with_wind) is None
     alone = replace(
         signs, names=("wind",), each=signs.each[-1:], probe=signs.probe[-1:], scale=signs.scale[-1:]
     )
-    assert second_of(said(wind=0.5, damage=0.4), alone, two) is None
+    assert second_of(said(wind=0.5, damage=0.4), alone, two, *with_wind) is None

@@ -248,6 +248,19 @@ class TestMade:
         assert made.effects[1].parameters["memory_of_shape"]["value"] == 1.0
         made.save(tmp_path / "stiff.twin.zip")
 
+    def test_what_cannot_act_together_is_not_written(self, hung, found):
+        """A diagnosis does not fit such a pair: no twin is written that nobody can simulate."""
+        laws = [CATALOGUE["damage"], CATALOGUE["plasticity"]]
+        pair = tuple(record_of(law, {name: q.start for name, q in law.quantities.items()}) for law in laws)
+        plain = PlainTwin.of(body_of(hung), hung)
+        for records in (pair, pair[::-1]):
+            result = DiagnosisResult(Diagnosis(found(hung), records), hung, plain)
+            with pytest.warns(UserWarning, match=f"no twin was written: .*{records[1].name} cannot act"):
+                assert result.twin() is None
+        made = DiagnosisResult(Diagnosis(found(hung), pair[:1]), hung, plain).twin()
+        assert made is not None
+        assert made.effects[-1] == pair[0]
+
     def test_looks_like_what_was_seen(self, hung, found):
         plain = PlainTwin.of(body_of(hung), hung)
         made = twin_of(hung, Diagnosis(found(hung), (DRAG,)), plain)
