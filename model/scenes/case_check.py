@@ -57,7 +57,7 @@ def check_arrays(arrays: Mapping[str, Array], parts: int, where: str) -> None:
     """Refuse arrays that do not fit each other, or that hold what no such quantity can be.
 
     Args:
-        arrays: Those of a case, by name; a missing one is not looked for.
+        arrays: Those of a case, by name; a missing one is not looked for, nor what only it could refuse.
         parts: K, how many priors there are.
         where: What messages call the source.
 
@@ -72,12 +72,16 @@ def check_arrays(arrays: Mapping[str, Array], parts: int, where: str) -> None:
     if not sizes.get("P", 1):
         raise InputError(f"{where}: topology.points: expected at least one point, found none")
     for name, of in INDICES.items():
-        if name in arrays:
+        if name in arrays and of in sizes:
             _check_indices(name, arrays[name], sizes[of], where)
     grips = arrays.get("topology.controller_springs")
-    if grips is not None:
-        for column, of in enumerate("CP"):
+    for column, of in enumerate("CP"):
+        if grips is not None and of in sizes:
             _check_indices(f"topology.controller_springs[:, {column}]", grips[:, column], sizes[of], where)
+    if "topology.springs" in arrays:
+        _check_springs(arrays["topology.springs"], where)
+    if "anchors.weight" in arrays:
+        _check_shares("anchors.weight", arrays["anchors.weight"], where)
     if "truth.material" in arrays:
         _check_indices("truth.material", arrays["truth.material"], len(MATERIALS), where)
 
@@ -119,3 +123,21 @@ def _check_indices(name: str, array: Array, limit: int, where: str) -> None:
     if array.size and not (array.min() >= 0 and array.max() < limit):
         found = f"{array.min():g} to {array.max():g}"
         raise InputError(f"{where}: {name}: expected indices below {limit}, found {found}")
+
+
+def _check_springs(springs: Array, where: str) -> None:
+    if not len(springs):
+        raise InputError(f"{where}: topology.springs: expected at least one spring, found none")
+    loops = np.flatnonzero(springs[:, 0] == springs[:, 1])
+    if len(loops):
+        raise InputError(
+            f"{where}: topology.springs: expected two points each, found one twice in spring {loops[0]}"
+        )
+
+
+def _check_shares(name: str, array: Array, where: str) -> None:
+    sums = array.sum(axis=1, dtype=np.float64)
+    wrong = np.flatnonzero(np.abs(sums - 1.0) > TOLERANCE)
+    if len(wrong):
+        row = wrong[0]
+        raise InputError(f"{where}: {name}: expected rows that sum to 1, found {sums[row]:g} in row {row}")

@@ -39,6 +39,16 @@ def _array(name, value):
             r"controller_springs\[:, 0\]: expected indices",
         ),
         ("anchors.weight", lambda a: a[:, :-1], r"anchors\.weight: expected shape"),
+        (
+            "topology.springs",
+            lambda a: a[:, [0, 0]],
+            r"springs: expected two points each, found one twice in spring 0",
+        ),
+        (
+            "anchors.weight",
+            lambda a: 2 * a,
+            r"anchors\.weight: expected rows that sum to 1, found 2 in row 0",
+        ),
         ("complete", lambda a: a[:-1], r"complete: expected shape"),
         ("truth.modulus", lambda a: a[:-1], r"truth\.modulus: expected shape \[2\], found \[1\]"),
         ("truth.material", lambda a: a + 10, r"truth\.material: expected indices below 10"),
@@ -47,6 +57,33 @@ def _array(name, value):
 def test_arrays_that_do_not_fit_are_named(make_case, name, value, says):
     with pytest.raises(InputError, match=says):
         _again(make_case(frames=4), _array(name, value))
+
+
+def test_a_body_without_springs_is_refused(make_case):
+    def bare(arrays, text):
+        for name in ("topology.springs", "topology.rest_length"):
+            arrays[name] = arrays[name][:0]
+
+    with pytest.raises(InputError, match=r"topology\.springs: expected at least one spring, found none"):
+        _again(make_case(frames=4), bare)
+
+
+@pytest.mark.parametrize(
+    ("counted", "says"),
+    [
+        (("topology.points", "topology.mass", "topology.part"), "topology.points"),
+        (("topology.controller_points", "observation.controllers"), "topology.controller_points"),
+    ],
+)
+def test_indices_of_what_is_missing_are_no_error_of_ours(make_case, counted, says):
+    """Nothing is left that says how many points, or controllers, there are."""
+
+    def without(arrays, text):
+        for name in counted:
+            del arrays[name]
+
+    with pytest.raises(InputError, match=f"expected the array {says}, found none"):
+        _again(make_case(frames=4), without)
 
 
 def test_gaps_are_no_damage(make_case):
