@@ -105,16 +105,18 @@ def evaluate(
     Each method learns from the first seven tenths of a clip, and predicts the rest of it and the object's
     other clips. An evaluation that was stopped goes on where it was.
     """
-    from model.evaluation.document import Run, section, write_folder
+    from model.evaluation.document import COMMAND, Run, section, write_folder
     from model.evaluation.figures import figures
     from model.evaluation.run import evaluate as measure
     from model.evaluation.tables import as_plain, markdown, tables
-    from model.formats.page import write_section
+    from model.formats.page import check_section, write_section
 
+    given: dict[str, Any] = dict(options)
     if docs is not None and not docs.is_file():
         raise InputError(f"--docs {docs}: no such page: give one that is there")
+    if docs is not None:
+        check_section(docs, COMMAND, given["title"])
     default_to_one_thread()
-    given: dict[str, Any] = dict(options)
     plan = _plan(data, given)
     with progress(quiet) as report:
         records = measure(plan, out, given["workers"], report)
@@ -126,7 +128,7 @@ def evaluate(
         date=time.strftime("%Y-%m-%d", time.gmtime()),
         data=data.name,
         opinion=given["priors"],
-        objects=len({record.object_name for record in records}),
+        objects=len({record.thing for record in records}),
         clips=len({record.case for record in records}),
         weights={name: known for name, method in plan.methods.items() if (known := method.weights())},
     )

@@ -56,7 +56,7 @@ def _material(_: Record, part: PartRecord) -> str:
 
 
 def _piece(record: Record, part: PartRecord) -> str:
-    return f"{record.thing} {part.part}"
+    return f"{record.object_name} {part.part}"
 
 
 def _error(part: PartRecord) -> float | None:

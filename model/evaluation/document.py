@@ -11,6 +11,9 @@ from model.formats.files import replacing
 from model.formats.page import Section
 from model.gap.report.style import png
 
+COMMAND = "evaluation"
+"""In the markers of a section."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -46,7 +49,7 @@ def section(run: Run, made: Sequence[Table], drawn: Mapping[str, tuple[str, Figu
     """What a page says of a run: its tables, and its figures below."""
     figures = {name: (caption, png(figure)) for name, (caption, figure) in drawn.items()}
     body = "\n".join([_how(run), *(markdown(table) for table in made)])
-    return Section("evaluation", run.title, _about(run), body, figures)
+    return Section(COMMAND, run.title, _about(run), body, figures)
 
 
 def _about(run: Run) -> str:

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -6,14 +7,11 @@ from click.testing import CliRunner
 
 from model.commands.evaluate import evaluate
 from model.errors import InputError
+from model.scenes.files import save_case, write_index
 
 
 @pytest.fixture(scope="module")
 def folder(make_case, tmp_path_factory):
-    from dataclasses import replace
-
-    from model.scenes.files import save_case, write_index
-
     path = tmp_path_factory.mktemp("cases")
     for interaction, lift in (("lift", 0.25), ("push", 0.12)):
         case = replace(make_case(frames=10, lift=lift), name=f"bar-{interaction}", interaction=interaction)
@@ -61,6 +59,24 @@ def test_the_page_gets_its_section(folder, tmp_path):
     page.write_text("# Page\n")
     run(folder, tmp_path / "out", "--methods", "hold-last", "--docs", str(page), "--title", "Bars")
     assert "## Bars" in page.read_text()
+
+
+def test_a_page_with_half_a_place_for_it_is_refused_before_anything_is_measured(folder, tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("# Page\n\n<!-- evaluation: Bars -->\n")
+    with pytest.raises(InputError, match=r"page\.md: expected <!-- evaluation: Bars --> and"):
+        run(folder, tmp_path / "out", "--methods", "hold-last", "--docs", str(page), "--title", "Bars")
+    assert not (tmp_path / "out").exists()
+
+
+def test_recordings_of_one_thing_are_one_object(make_case, tmp_path):
+    for name in ("single_lift_bar", "double_lift_bar"):
+        case = replace(make_case(frames=10), name=name, object_name=name)
+        save_case(case, tmp_path / f"{name}.case.npz")
+    write_index(tmp_path)
+    given = ("--methods", "hold-last", "--settings", "future", "--json", "--no-pictures")
+    told = json.loads(run(tmp_path, tmp_path / "out", *given).stdout)["run"]
+    assert (told["objects"], told["clips"]) == (1, 2)
 
 
 @pytest.mark.parametrize(

@@ -63,3 +63,15 @@ def test_a_material_that_is_there_once_says_nothing(records):
     found = consistency(records([("a", "a-lift", "fabric", None, 1.0), ("b", "b-lift", "fur", None, 2.0)]))
     assert found.over_scenes is None
     assert found.truth_over_scenes is None
+
+
+def test_two_recordings_of_one_thing_have_no_parts_in_common(records):
+    """Each was reconstructed by itself: part 0 of one may be another part of the other."""
+    names = ("single_lift_sloth", "double_lift_sloth")
+    once = records([(name, name, "fur", None, 3.0 * place) for place, name in enumerate(names)])
+    assert {record.thing for record in once} == {"sloth"}
+    assert consistency(once).over_interactions is None
+    twice = records(
+        [(name, f"{name}-{turn}", "fur", None, 3.0 * p) for p, name in enumerate(names) for turn in "ab"]
+    )
+    assert consistency(twice).over_interactions.value == pytest.approx(0.0)
