@@ -50,7 +50,7 @@ def edit_part(
 
     The prior's means of the new material come first. A network reads the motion of the object too, which is
     that of the old material, and which a bundle does not keep; so it is asked about the motion that the twin
-    has with those means. Where that motion says nothing, the means stay, and a warning says so.
+    has with those means. Where it cannot tell from that, the means stay, and a warning says why.
 
     Args:
         twin: From the pipeline, so that it says what its other parts are made of.
@@ -111,7 +111,7 @@ def _predicted(
     try:
         predicted = predictor(imagine(imagined, priors, shape))
     except InputError as error:
-        doubt = f"edit: the prior's means are used, for the motion says nothing: {error}"
+        doubt = f"edit: the prior's means are used, not {predictor.name}: {error}"
         return replace(first, warnings=(*first.warnings, doubt)), fallback
     made = StageRecord(
         name="edit", method=predictor.name, version=predictor.version, weights=predictor.weights

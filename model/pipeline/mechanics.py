@@ -116,7 +116,7 @@ def _gripped(
 def _predict(
     bundle: TwinBundle, sight: Sight, matter: Matter, tracks: Tracks, predictor: ParameterPredictor
 ) -> Parameters:
-    """The mechanics, from the clip as a case; where it shows no motion, what the bundle has already."""
+    """The mechanics, from the clip as a case; where that cannot be, what the bundle has already."""
     masks, key = sight.masks, sight.masks.keyframe
     times = sight.frames.times[key:] - sight.frames.times[key]
     camera = sight.calibration.camera
@@ -124,5 +124,5 @@ def _predict(
         case = observe_tracks(bundle, matter.priors, sight.shape_class, camera, tracks, masks, times)
         return predictor(case, sight.frames.images[key:])
     except InputError as error:
-        doubt = f"the prior's means are used, for the motion says nothing: {error}"
+        doubt = f"the prior's means are used, not {predictor.name}: {error}"
         return replace(bundle.parameters, warnings=(*bundle.parameters.warnings, doubt))

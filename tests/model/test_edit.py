@@ -13,6 +13,7 @@ from model.predictor.prior_mean import PriorMeanPredictor
 from model.predictor.trained import TrainedPredictor
 from model.priors.materials import MATERIALS, typical
 from model.schema import PartRecord, PropertyRecord, StageRecord
+from model.simulator.divergence import SimulationDiverged
 from model.types import MaterialPrior, Parameter
 
 GRAVITY = (0.0, 0.0, -9.81)
@@ -136,7 +137,21 @@ def test_motion_that_says_nothing_leaves_the_means_and_a_warning(learned, networ
     after, means = (edit_part(short, 1, "rubber", "solid", asked) for asked in (network, None))
     np.testing.assert_array_equal(after.parameters.stiffness, means.parameters.stiffness)
     assert after.manifest.stages[-1].method == "prior-mean"
-    assert "the prior's means are used" in after.manifest.warnings[-1]
+    assert after.manifest.warnings[-1] == (
+        "edit: the prior's means are used, not matphys: "
+        "motion: 3 frames to look at: expected at least 4 of the 3"
+    )
+
+
+def test_a_network_that_cannot_tell_is_named_with_its_reason(learned, network, monkeypatch):
+    def diverge(self, case, images=None):
+        raise SimulationDiverged(3, 7, "spring", 100)
+
+    monkeypatch.setattr(TrainedPredictor, "__call__", diverge)
+    said = edit_part(learned, 1, "rubber", "solid", network).manifest.warnings[-1]
+    assert said.startswith(
+        "edit: the prior's means are used, not matphys: the simulation diverged in frame 3"
+    )
 
 
 def test_springs_of_two_predictors_are_told(learned, network):

@@ -16,6 +16,8 @@ from model.bundle import TwinBundle
 from model.errors import InputError
 from model.pipeline import TwinOptions, TwinResult, build_twin
 from model.pipeline.twin import SHARES
+from model.predictor.trained import TrainedPredictor
+from model.simulator.divergence import SimulationDiverged
 
 POINTS = 150
 
@@ -119,6 +121,17 @@ def test_same_input_same_bytes_in_another_process(plush_clip, saved: Path, tmp_p
     assert list(first) == list(second)
     assert [name for name in first if first[name] != second[name]] == []
     assert preview.read_bytes() == first["preview.mp4"]
+
+
+def test_where_the_network_fails_the_means_are_taken_and_it_says_why(plush_clip, monkeypatch):
+    def diverge(self, case, images=None):
+        raise SimulationDiverged(3, 7, "spring", 100)
+
+    monkeypatch.setattr(TrainedPredictor, "__call__", diverge)
+    twin = build_twin(plush_clip.path, TwinOptions(points=POINTS), lambda stage, share: None).bundle
+    line = "parameters: the prior's means are used, not matphys: the simulation diverged in frame 3"
+    assert any(warning.startswith(line) for warning in twin.manifest.warnings)
+    assert twin.parameters.globals["friction"].source == "prior"
 
 
 @pytest.fixture(scope="module")
