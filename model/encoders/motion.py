@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from jaxtyping import Float32, Float64, Int, UInt8
 from torch import nn
@@ -74,6 +74,19 @@ class EncodedMotion:
     """Of the clip; Dg is the encoder's `global_dim`."""
 
 
+class EncoderIdentity(NamedTuple):
+    """Which encoder made features: those of another one mean something else."""
+
+    name: str
+    version: str
+    weights: str | None
+    """sha256 of its own weights, if it has any."""
+
+    def __str__(self) -> str:
+        """As messages say it."""
+        return f"{self.name} {self.version}" + (f" ({self.weights[:12]})" if self.weights else "")
+
+
 class MotionEncoder(nn.Module, ABC):
     """Frozen: describes motion, learns nothing."""
 
@@ -86,6 +99,11 @@ class MotionEncoder(nn.Module, ABC):
     """Features per point, those of its part included."""
     global_dim: int
     """Features per clip."""
+
+    @property
+    def identity(self) -> EncoderIdentity:
+        """Which one it is."""
+        return EncoderIdentity(self.name, self.version, self.weights)
 
     @abstractmethod
     def forward(self, clip: MotionClip) -> EncodedMotion:

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from model.errors import InputError
 from model.predictor.batches import Batch
 from model.predictor.network import PredictorNetwork
 from model.predictor.sample import GLOBALS, Prediction
@@ -64,6 +65,9 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
         network: Changed in place; its means stay.
         batches: Of cases that were not trained on, under the opinions that are to be expected.
 
+    Raises:
+        InputError: what it predicts is no number: nothing can be set right.
+
     Reference:
         Kuleshov, Fenner and Ermon (2018), Accurate uncertainties for deep learning using calibrated
         regression (recalibration on held-out data; here with one number per output).
@@ -74,7 +78,14 @@ def calibrate(network: PredictorNetwork, batches: Iterable[Batch]) -> Calibratio
     with torch.no_grad():
         for batch in batches:
             here = batch.to(device)
-            found.append(deviations(network(here.sample), here))
+            prediction = network(here.sample)
+            if prediction.lost:
+                lost = ", ".join(prediction.lost)
+                raise InputError(
+                    f"training diverged: what is predicted for {lost} is not finite: lower "
+                    "model.learning_rate, or clip with trainer.gradient_clip_val"
+                )
+            found.append(deviations(prediction, here))
             looks += sum(case.truth is not None for case in batch.cases)
     if not found:
         return Calibration()

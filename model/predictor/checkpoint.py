@@ -10,8 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from model.encoders.motion import EncoderIdentity
 from model.errors import InputError
 from model.formats.files import replacing
+from model.predictor.checks import finite
 from model.predictor.network import PredictorNetwork
 from model.predictor.options import NetworkOptions
 from model.scenes.generated_name import GeneratedName
@@ -110,6 +112,12 @@ class Trained:
         return made is not None and made.seed == data.get("seed") and made.number < count
 
     @property
+    def encoder(self) -> EncoderIdentity:
+        """The motion encoder that it was trained with."""
+        about = self.about
+        return EncoderIdentity(about.encoder, about.encoder_version, about.encoder_weights)
+
+    @property
     def options(self) -> NetworkOptions:
         """Of the network."""
         return NetworkOptions.from_dict(self.about.options)
@@ -162,6 +170,9 @@ def load_predictor(path: Path) -> Trained:
         network.load_state_dict(tensors)
     except RuntimeError:
         raise InputError(f"{path}: its weights are not those of its options: another version?") from None
+    lost = [name for name, value in tensors.items() if not finite(value)]
+    if lost:
+        raise InputError(f"{path}: weights that are NaN or infinite, in {lost[0]}: its training diverged")
     return Trained(network.eval(), about, hashlib.sha256(data).hexdigest())
 
 

@@ -1,10 +1,14 @@
-"""What options of a training have to be."""
+"""What numbers of a training have to be."""
+
+import math
+
+from torch import Tensor, isfinite
 
 from model.errors import InputError
 
 
 def at_least(least: int, where: str, **options: int | float) -> None:
-    """Refuse options below this.
+    """Refuse options below this, and what is no number.
 
     Args:
         least: That each may be.
@@ -12,8 +16,13 @@ def at_least(least: int, where: str, **options: int | float) -> None:
         options: By name.
 
     Raises:
-        InputError: the first that is less.
+        InputError: the first that is less, infinite or NaN.
     """
     for name, value in options.items():
-        if value < least:
+        if not (value >= least and math.isfinite(value)):
             raise InputError(f"{where}.{name} is {value}: expected {least} or more")
+
+
+def finite(values: Tensor) -> bool:
+    """Whether nothing among them is NaN or infinite."""
+    return bool(isfinite(values).all())

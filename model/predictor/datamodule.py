@@ -231,9 +231,17 @@ class CaseDataModule(LightningDataModule):
             store_motion(read_index(folder), self.encoder, self._workers, report)
 
     def setup(self, stage: str) -> None:
-        """Read what the stage needs."""
+        """Read what the stage needs.
+
+        Raises:
+            InputError: there are no cases for it, or one cannot be read.
+        """
         if stage == "predict" or (stage == "test" and self.test_folder is not None):
-            self._held = self._read(read_index(self._read_by(stage), verify=False))
+            folder = self._read_by(stage)
+            paths = read_index(folder, verify=False)
+            if not paths:
+                raise InputError(f"{folder / INDEX}: names no cases: expected at least one")
+            self._held = self._read(paths)
         elif stage == "test" and self._folds:
             own, apart = self._known(), describe(self.folder).cases
             self._held = self._read([self.folder / entry.file for entry in apart if entry not in own])

@@ -2,7 +2,6 @@
 
 import logging
 import os
-import pickle
 import sys
 import traceback
 import warnings
@@ -71,10 +70,6 @@ def run(arguments: Sequence[str]) -> None:
             )
         except (ArgumentError, MisconfigurationException) as error:
             raise InputError(_first_line(error)) from None
-        except pickle.UnpicklingError:
-            raise InputError(
-                "--ckpt_path: expected a checkpoint that `fit` has written, found another file"
-            ) from None
         except ValueError as error:  # of an object whose making failed jsonargparse keeps the message alone
             if not str(error).startswith(NO_UNION):
                 raise

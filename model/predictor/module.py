@@ -8,14 +8,17 @@ from typing import Any
 import numpy as np
 import torch
 from pytorch_lightning import LightningModule
+from pytorch_lightning.trainer.states import TrainerFn
 from torch import Tensor
 from torch.optim import AdamW
 from torch.optim.lr_scheduler import LambdaLR
 
+from model.encoders.motion import EncoderIdentity
 from model.errors import InputError
 from model.predictor.batches import Batch, Example
 from model.predictor.checkpoint import Trained, load_predictor
-from model.predictor.checks import at_least
+from model.predictor.checks import at_least, finite
+from model.predictor.datamodule import CaseDataModule
 from model.predictor.held_out import HeldOut
 from model.predictor.joining import split_prediction
 from model.predictor.objective import LossWeights, belief_terms, judge_motion, motion_terms
@@ -27,6 +30,10 @@ from model.types import Parameters
 
 MOVED = ("track", "chamfer")
 """Terms of the loss that need rollouts."""
+LARGEST_RATE = 1e30
+"""Beyond, the first step of AdamW is no number of single precision."""
+ENCODER = "motion_encoder"
+"""Entry of a checkpoint: `EncoderIdentity`, as a plain tuple, which is all that is read back."""
 
 
 @dataclass(frozen=True)
@@ -121,29 +128,77 @@ class PredictorModule(LightningModule):
         """
         super().__init__()
         at_least(0, "model", warm_up_steps=warm_up_steps, seed=seed, weight_decay=weight_decay)
-        if not learning_rate > 0.0:
-            raise InputError(f"model.learning_rate is {learning_rate}: expected more than 0")
+        if not 0.0 < learning_rate <= LARGEST_RATE:
+            raise InputError(
+                f"model.learning_rate is {learning_rate}: expected more than 0, at most {LARGEST_RATE:g}"
+            )
         self.options, self.weights, self.rollouts = network, weights, rollouts
         self.learning_rate, self.weight_decay, self.warm_up_steps = learning_rate, weight_decay, warm_up_steps
-        self.seed, self._given = seed, start is not None
+        self.seed, self._start = seed, start
         self.network = network.build(motion_dim, motion_global_dim)
         self._held = HeldOut()
+        self._source: Trained | None = None
         if start is not None:
-            known = load_predictor(start)
+            self._source = known = load_predictor(start)
             _check_alike(start, known, network, (motion_dim, motion_global_dim))
             self.network.load_state_dict(known.network.state_dict())
 
     def forward(self, batch: Batch) -> Prediction:
-        """Predict a batch."""
+        """Predict a batch.
+
+        Raises:
+            InputError: what is predicted is no number.
+        """
         prediction: Prediction = self.network(batch.sample)
+        if prediction.lost:
+            raise InputError(self._diverged(f"what is predicted for {', '.join(prediction.lost)} is"))
         return prediction
+
+    def setup(self, stage: str) -> None:
+        """See that the data's motion encoder is the one that the weights to start from know.
+
+        Raises:
+            InputError: it is another one.
+        """
+        if self._source is not None:
+            self._check_encoder(f"model.start: {self._start}", self._source.encoder)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Say which motion encoder the weights know."""
+        checkpoint[ENCODER] = tuple(self._data().encoder.identity)
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """See that the data's motion encoder is the checkpoint's, and that its weights are numbers.
+
+        Raises:
+            InputError: it is another one, or a weight is NaN or infinite.
+        """
+        if ENCODER in checkpoint:  # those of earlier versions do not say
+            self._check_encoder("--ckpt_path: the checkpoint", EncoderIdentity(*checkpoint[ENCODER]))
+        lost = [name for name, value in checkpoint["state_dict"].items() if not finite(value)]
+        if lost:
+            raise InputError(
+                f"--ckpt_path: weights that are NaN or infinite, in {lost[0]}: the training diverged"
+            )
+
+    def _check_encoder(self, what: str, theirs: EncoderIdentity) -> None:
+        given = self._data().encoder.identity
+        if given != theirs:
+            raise InputError(
+                f"{what} was trained with motion encoder {theirs}, data.encoder is {given}: give the "
+                "configuration that it was trained with"
+            )
+
+    def _data(self) -> CaseDataModule:
+        data = self.trainer.datamodule  # type: ignore[attr-defined]
+        assert isinstance(data, CaseDataModule)
+        return data
 
     def on_fit_start(self) -> None:
         """Fit the scales of the inputs to the training set, unless training goes on from somewhere."""
-        if self._given or self.trainer.ckpt_path is not None:
+        if self._start is not None or self.trainer.ckpt_path is not None:
             return
-        data: Any = self.trainer.datamodule  # type: ignore[attr-defined]
-        self.network.standardise([sample.to(self.device) for sample in data.typical()])
+        self.network.standardise([sample.to(self.device) for sample in self._data().typical()])
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
         """Dropout depends on epoch and batch, not on what was drawn before."""
@@ -188,13 +243,27 @@ class PredictorModule(LightningModule):
         Raises:
             InputError: a term is NaN or infinite.
         """
-        lost = [name for name, value in terms.items() if not bool(torch.isfinite(value))]
+        lost = [name for name, value in terms.items() if not finite(value)]
         if lost:
-            raise InputError(
-                f"training diverged in epoch {self.current_epoch}: the loss of {', '.join(lost)} is not "
-                f"finite: lower model.learning_rate ({self.learning_rate:g}), or clip with "
-                "trainer.gradient_clip_val"
-            )
+            raise InputError(self._diverged(f"the loss of {', '.join(lost)} is"))
+
+    def _diverged(self, lost: str) -> str:
+        if self.trainer.state.fn != TrainerFn.FITTING:
+            return f"{lost} not finite: the network's training diverged: give another one"
+        return (
+            f"training diverged in epoch {self.current_epoch}: {lost} not finite: lower model.learning_rate "
+            f"({self.learning_rate:g}), or clip with trainer.gradient_clip_val"
+        )
+
+    def on_train_epoch_end(self) -> None:
+        """Stop where the last step has ruined the weights, of which no loss and no validation may tell.
+
+        Raises:
+            InputError: a weight is NaN or infinite.
+        """
+        lost = [name for name, value in self.network.named_parameters() if not finite(value)]
+        if lost:
+            raise InputError(self._diverged(f"weights of {lost[0]} are"))
 
     def on_validation_epoch_start(self) -> None:
         """Forget the last validation."""

@@ -20,6 +20,8 @@ GLOBALS = ("dashpot_damping", "drag_rate", "friction", "restitution")
 """Order of the last axis of `global_*`. Coordinates: ln, ln, ln, logit."""
 LEAST = 1e-6
 """Least stiffness of a spring over the median in a body of one modulus, so that its logarithm is finite."""
+MOST = 80.0
+"""Logarithms that are as far from 0 stand for nothing that numbers of single precision hold."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,13 @@ class Prediction:
     """Of `GLOBALS`: ln N·s/m, ln 1/s, ln, logit."""
     global_log_spread: Float[Tensor, "B 4"]
     """Of the same coordinates: of ln for the first three, of the logit for the last."""
+
+    @property
+    def lost(self) -> list[str]:
+        """Names of what is NaN or beyond `MOST`, as where the training has diverged."""
+        return [
+            field.name for field in fields(self) if not bool((getattr(self, field.name).abs() < MOST).all())
+        ]
 
 
 def make_sample(

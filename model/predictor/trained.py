@@ -1,5 +1,6 @@
 """Parameters from what was seen, believed and built: the network that was trained."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -13,6 +14,7 @@ from model.predictor.base import ParameterPredictor
 from model.predictor.checkpoint import Trained, load_predictor
 from model.predictor.motion import describe_motion
 from model.predictor.parametrisation import to_parameters
+from model.predictor.reference import compared_frames
 from model.predictor.sample import Prediction, Sample, make_sample
 from model.registry import by_name
 from model.scenes.case import Case
@@ -40,14 +42,11 @@ class TrainedPredictor(ParameterPredictor):
     def __init__(self, path: Path | None = None, encoder: MotionEncoder | None = None) -> None:
         """See the class."""
         self.trained: Trained = load_predictor(path or SHIPPED)
-        about = self.trained.about
-        self.encoder = encoder or by_name(ALL_MOTION_ENCODERS, about.encoder, "motion encoder")()
-        found = (self.encoder.name, self.encoder.version, self.encoder.weights)
-        expected = (about.encoder, about.encoder_version, about.encoder_weights)
+        expected = self.trained.encoder
+        self.encoder = encoder or by_name(ALL_MOTION_ENCODERS, expected.name, "motion encoder")()
+        found = self.encoder.identity
         if found != expected:
-            raise InputError(
-                f"{path or SHIPPED}: trained with motion encoder {_say(expected)}, but given {_say(found)}"
-            )
+            raise InputError(f"{path or SHIPPED}: trained with motion encoder {expected}, but given {found}")
         self.weights: str | None = self.trained.sha256
 
     def __call__(self, case: Case, images: UInt8[Array, "T H W 3"] | None = None) -> Parameters:
@@ -57,12 +56,20 @@ class TrainedPredictor(ParameterPredictor):
     def believe(
         self, case: Case, images: UInt8[Array, "T H W 3"] | None = None
     ) -> tuple[Parameters, Prediction]:
-        """The parameters, and the means and spreads that they were taken from."""
+        """The parameters, and the means and spreads that they were taken from.
+
+        Raises:
+            InputError: the case has no motion to be described, or what is predicted is no number.
+        """
         with one_thread(), torch.no_grad():
             sample = self.sample(case, images)
             prediction: Prediction = self.trained.network(sample)
+        if prediction.lost:
+            lost = ", ".join(prediction.lost)
+            raise InputError(f"what is predicted for {lost} is not finite: the network's training diverged")
         seen = case.observation
-        return to_parameters(prediction, sample, case.topology, seen.gravity, seen.ground_height), prediction
+        found = to_parameters(prediction, sample, case.topology, seen.gravity, seen.ground_height)
+        return replace(found, warnings=(*found.warnings, *self._doubts(case))), prediction
 
     def sample(self, case: Case, images: UInt8[Array, "T H W 3"] | None = None) -> Sample:
         """What the network reads of a case."""
@@ -82,7 +89,13 @@ class TrainedPredictor(ParameterPredictor):
             case.topology, case.priors, case.shape_class, seen.gravity, seen.ground_height, motion
         )
 
-
-def _say(encoder: tuple[str, str, str | None]) -> str:
-    name, version, weights = encoder
-    return f"{name} {version}" + (f" ({weights[:12]})" if weights else "")
+    def _doubts(self, case: Case) -> tuple[str, ...]:
+        """What of the motion was seen, and did not tell all that it could."""
+        springs, times = len(case.topology.springs), case.observation.times
+        compared = compared_frames(springs, case.split)
+        if not self.encoder.needs_references or compared >= case.split:
+            return ()
+        return (
+            f"motion after {times[compared - 1]:.2g} s was not compared with reference twins: {springs} "
+            "springs are too many for more",
+        )

@@ -3,10 +3,12 @@
 from pathlib import Path
 from typing import Any
 
+import torch
 from pytorch_lightning import Callback, LightningModule, Trainer
 from pytorch_lightning.callbacks import LearningRateMonitor
-from pytorch_lightning.cli import LightningArgumentParser, LightningCLI
+from pytorch_lightning.cli import ArgsType, LightningArgumentParser, LightningCLI
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
+from torch import Tensor
 
 from model.errors import InputError
 from model.formats.files import check_writable
@@ -28,6 +30,10 @@ BEST = "val/loss"
 PARALLEL = "ddp_find_unused_parameters_true"
 """Epochs without rollouts, and rollouts that diverge, leave parameters without a gradient: a mistake to DDP,
 unless it is told."""
+SINGLE = ("None", "32", "32-true")
+"""Precisions of numbers that samples and rollouts can have."""
+WRITTEN = ("state_dict", "optimizer_states", "loops", "pytorch-lightning_version")
+"""What every checkpoint of `fit` has."""
 
 
 class WriteParameters(Callback):
@@ -77,12 +83,23 @@ class TrainingCLI(LightningCLI):
             help="Where the trained predictor goes; null: predictor.safetensors beside the logs.",
         )
 
+    def parse_arguments(self, parser: LightningArgumentParser, args: ArgsType) -> None:
+        """Look at the checkpoint first: Lightning takes any file for one, and asks it for options.
+
+        Raises:
+            InputError: it is none.
+        """
+        super().parse_arguments(parser, args)
+        path = self.config[self.config.subcommand].ckpt_path
+        if path is not None and (path not in NEWEST or Path(path).is_file()):
+            _check_checkpoint(Path(path))
+
     def before_instantiate_classes(self) -> None:
         """Refuse early what can only fail later.
 
         Raises:
-            InputError: there is no such checkpoint, it is none, there is no network that was trained, or what
-                is logged, predicted or exported cannot be written.
+            InputError: there is no checkpoint of such a name, or it is none, there is no network that was
+                trained, or what is logged, predicted or exported cannot be written.
         """
         epochs = self._get(self.config, "trainer.max_epochs")
         if self.subcommand == "fit" and (epochs is None or epochs < 0):
@@ -90,7 +107,7 @@ class TrainingCLI(LightningCLI):
                 f"trainer.max_epochs is {'null' if epochs is None else epochs}: expected 0 or more: the "
                 "learning rate falls, and rollouts grow, over a number of epochs that is known"
             )
-        self._refuse_ignored()
+        self._refuse_options()
         if self.subcommand in ("fit", "predict"):
             check_writable(Path(self._get(self.config, "out")) / "anything")
         export = self._get(self.config, "export") if self.subcommand == "fit" else None
@@ -104,27 +121,30 @@ class TrainingCLI(LightningCLI):
         if path in NEWEST:
             path = newest(Path(self._get(self.config, "out")), path)
             self.config[str(self.subcommand)].ckpt_path = str(path)
-        if path is not None and Path(path).suffix == FILE:
-            raise InputError(f"ckpt_path: {path}: a predictor, not a checkpoint: give it as --model.start")
+            _check_checkpoint(path)
         if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
             raise InputError(
                 f"{self.subcommand}: no network that was trained: "
                 "give --model.start FILE.safetensors or --ckpt_path FILE.ckpt, which `fit` writes"
             )
-        if path is not None and not Path(path).is_file():
-            raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
 
-    def _refuse_ignored(self) -> None:
-        """What else would be ignored without a word.
+    def _refuse_options(self) -> None:
+        """What else would be ignored without a word, or end in an error of torch.
 
         Raises:
-            InputError: logs are sent elsewhere than to `--out`, or something is exported that is not trained.
+            InputError: logs are sent elsewhere than to `--out`, something is exported that is not trained, or
+                numbers are to have another precision than the data.
         """
         for name in ("logger", "default_root_dir"):
             if self._get(self.config, f"trainer.{name}") is not None:
                 raise InputError(f"trainer.{name}: logs and checkpoints go to --out: leave it out")
         if self.subcommand != "fit" and self._get(self.config, "export") is not None:
             raise InputError(f"{self.subcommand}: --export is of what `fit` trains: leave it out")
+        precision = self._get(self.config, "trainer.precision")
+        if str(precision) not in SINGLE:
+            raise InputError(
+                f"trainer.precision is {precision}: expected 32, as samples and rollouts have it"
+            )
 
     def instantiate_trainer(self, **kwargs: Any) -> Trainer:  # noqa: ANN401 - Lightning's own signature
         """With logs, checkpoints and exports in `--out`."""
@@ -167,3 +187,23 @@ class TrainingCLI(LightningCLI):
     def _written(self) -> str:
         """The configuration as a file that trains the same again."""
         return str(self._parser(self.subcommand).dump(self.config[str(self.subcommand)], skip_none=True))
+
+
+def _check_checkpoint(path: Path) -> None:
+    """See that a file is what `fit` has written, before anything is made for it.
+
+    Raises:
+        InputError: there is none, or it is damaged or something else.
+    """
+    if path.suffix == FILE:
+        raise InputError(f"ckpt_path: {path}: a predictor, not a checkpoint: give it as --model.start")
+    if not path.is_file():
+        raise InputError(f"ckpt_path: {path}: no such file: expected a checkpoint that `fit` has written")
+    try:
+        found = torch.load(path, weights_only=True, map_location="cpu")
+    except Exception:  # what torch raises depends on where the file is broken
+        found = None
+    whole = isinstance(found, dict) and all(name in found for name in WRITTEN)
+    weights = found["state_dict"] if whole else None
+    if not isinstance(weights, dict) or not all(isinstance(value, Tensor) for value in weights.values()):
+        raise InputError("--ckpt_path: expected a checkpoint that `fit` has written, found another file")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from model.errors import InputError
 from model.predictor.batches import Example, TrueValues, make_batch, true_values
 from model.predictor.calibration import LEAST, calibrate, deviations
 from model.predictor.losses import covered
@@ -92,3 +93,12 @@ def test_looks_at_cases_whose_truth_nobody_knows_are_none(network, make_case, sa
     data = make_batch([Example(case, sample_of(case), true_values(case, 2))])
     found = calibrate(network, [data])
     assert (found.looks, found.parts, found.friction) == (0.0, 1.0, 1.0)
+
+
+def test_what_is_no_number_is_not_calibrated(network, make_case, sample_of):
+    data = batches(network, make_case, sample_of, error=2.0, looks=1)
+    with torch.no_grad():
+        for value in network.parameters():
+            value.mul_(1e20)
+    with pytest.raises(InputError, match="training diverged: what is predicted for log_modulus"):
+        calibrate(network, data)

@@ -92,3 +92,16 @@ def test_options_go_there_and_back():
     assert NetworkOptions.from_dict(OPTIONS.as_dict()) == OPTIONS
     with pytest.raises(InputError, match="heads"):
         NetworkOptions.from_dict({"heads": "four"})
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_weights_that_are_no_numbers_are_refused(network, tmp_path, value):
+    path = tmp_path / "p.safetensors"
+    with torch.no_grad():
+        name, tensor = next(iter(network.named_parameters()))
+        tensor.view(-1)[0] = value
+    save_predictor(path, network, about())
+    with pytest.raises(
+        InputError, match=f"weights that are NaN or infinite, in {name}: its training diverged"
+    ):
+        load_predictor(path)

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from itertools import count
 from pathlib import Path
 
@@ -10,11 +11,13 @@ import pytest
 import torch
 import yaml
 
+from model.encoders.kinematic import KinematicEncoder
 from model.predictor.checkpoint import load_predictor
 from model.predictor.held_out import HeldOut
 from model.predictor.main import main
-from model.predictor.module import PredictorModule
+from model.predictor.module import ENCODER, PredictorModule
 from model.predictor.trained import SHIPPED
+from model.scenes.files import INDEX, write_index
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 ABLATIONS = sorted(path.stem for path in CONFIGS.glob("without_*.yaml"))
@@ -235,6 +238,25 @@ def test_predict_writes_parameters_of_every_case(trained, case_folder, tmp_path)
             ["fit", "--model.learning_rate=1e30", "--trainer.gradient_clip_val=null"],
             "lower model.learning_rate",
         ),
+        (  # the only step of each epoch ruins the weights after its loss
+            [
+                *("fit", "--model.learning_rate=1e30", "--trainer.gradient_clip_val=null"),
+                *("--data.batch_size=9", "--trainer.check_val_every_n_epoch=1"),
+            ],
+            "lower model.learning_rate",
+        ),
+        (
+            [
+                *("fit", "--model.learning_rate=1e30", "--trainer.gradient_clip_val=null"),
+                *("--data.batch_size=9", "--trainer.check_val_every_n_epoch=2", "--trainer.max_epochs=1"),
+            ],
+            "lower model.learning_rate",
+        ),
+        (["fit", "--model.learning_rate=1e39"], "model.learning_rate is 1e+39"),
+        (["fit", "--model.learning_rate=.inf"], "model.learning_rate is inf"),
+        (["fit", "--model.weights.prior=.nan"], "model.weights.prior is nan"),
+        (["fit", "--trainer.precision=64-true"], "trainer.precision is 64-true: expected 32"),
+        (["validate", f"--model.start={SHIPPED}", "--trainer.precision=bf16-mixed"], "is bf16-mixed"),
         (["fit", "--export=checkpoints"], "expected a file NAME.safetensors"),
         (["fit", "--export=mine.bin"], "expected a file NAME.safetensors"),
         (["fit", f"--config={CONFIGS / 'videomae.yaml'}"], "set MATPHYS_VIDEOMAE"),
@@ -256,6 +278,22 @@ def test_bad_input_is_one_line_and_2(arguments, says, case_folder, tmp_path, mon
     assert len(lines) == 1
     assert says in lines[0]
     assert not (tmp_path / "elsewhere").exists()
+
+
+def test_no_checkpoint_is_written_of_weights_that_a_step_has_ruined(
+    case_folder, tmp_path, monkeypatch, capsys
+):
+    """The first of two epochs, which is not validated."""
+
+    def ruin(module, outputs, batch, batch_idx):
+        with torch.no_grad():
+            next(module.network.parameters()).view(-1)[0] = torch.nan
+
+    monkeypatch.setattr(PredictorModule, "on_train_batch_end", ruin)
+    one_step = ("--data.batch_size=9", "--trainer.check_val_every_n_epoch=2")
+    assert fit(case_folder, tmp_path, *one_step, epochs=2) == 2
+    assert "training diverged in epoch 0: weights of" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("*.ckpt"))
 
 
 def test_an_unknown_key_of_a_configuration_is_named(tmp_path, case_folder, capsys):
@@ -283,6 +321,104 @@ def test_a_checkpoint_of_another_network_is_refused_in_one_line(trained, case_fo
     ]
     assert main(["validate", *common, other, "--model.network.dim=48"]) == 2
     assert "the checkpoint is of another network" in capsys.readouterr().err
+
+
+def _start(trained, kind):
+    """Options to start from what was trained."""
+    files = {"ckpt_path": "checkpoints/best.ckpt", "model.start": "predictor.safetensors"}
+    return f"--{kind}={trained / files[kind]}"
+
+
+def _common(folder, out):
+    return [f"--config={CONFIGS / 'quick.yaml'}", f"--data.folder={folder}", f"--out={out}", *SMALL]
+
+
+@pytest.mark.parametrize("kind", ["ckpt_path", "model.start"])
+@pytest.mark.parametrize("command", ["fit", "predict"])
+def test_weights_of_another_motion_encoder_are_refused(
+    command, kind, trained, case_folder, tmp_path, monkeypatch, capsys
+):
+    """As wide as the one in training, and of another version."""
+    version = KinematicEncoder.version
+    monkeypatch.setattr(KinematicEncoder, "version", "next")
+    assert main([command, *_common(case_folder, tmp_path), _start(trained, kind)]) == 2
+    said = capsys.readouterr().err
+    assert kind in said
+    assert f"was trained with motion encoder kinematic {version}, data.encoder is kinematic next" in said
+
+
+def _changed(trained, path, change):
+    """A checkpoint of the training, changed."""
+    content = torch.load(trained / "checkpoints" / "best.ckpt", weights_only=True)
+    change(content)
+    torch.save(content, path)
+    return f"--ckpt_path={path}"
+
+
+def test_a_checkpoint_of_before_that_does_not_say_its_encoder_is_taken(trained, case_folder, tmp_path):
+    given = _changed(trained, tmp_path / "old.ckpt", lambda content: content.pop(ENCODER))
+    assert main(["predict", *_common(case_folder, tmp_path), given]) == 0
+
+
+@pytest.mark.parametrize("command", ["fit", "validate", "test", "predict"])
+def test_a_checkpoint_of_what_diverged_is_refused_in_one_line(
+    command, trained, case_folder, tmp_path, capsys
+):
+    def ruin(content):
+        next(iter(content["state_dict"].values())).view(-1)[0] = torch.nan
+
+    given = _changed(trained, tmp_path / "ruined.ckpt", ruin)
+    assert main([command, *_common(case_folder, tmp_path), given]) == 2
+    assert "--ckpt_path: weights that are NaN or infinite" in capsys.readouterr().err
+
+
+def _no_lightning(content):
+    content.pop("pytorch-lightning_version")
+
+
+def _no_optimiser(content):
+    content.pop("optimizer_states")
+
+
+def _no_tensors(content):
+    content["state_dict"] = {"weight": "none"}
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda trained, path: torch.save({"a": 1}, path),
+        lambda trained, path: torch.save([1, 2], path),
+        lambda trained, path: torch.save({"state_dict": {}}, path),
+        lambda trained, path: torch.save(torch.nn.Linear(1, 1), path),
+        lambda trained, path: path.write_bytes(b""),
+        lambda trained, path: path.write_bytes((trained / "checkpoints" / "best.ckpt").read_bytes()[:-999]),
+        lambda trained, path: shutil.copyfile(trained / "predictor.safetensors", path),
+        lambda trained, path: _changed(trained, path, _no_lightning),
+        lambda trained, path: _changed(trained, path, _no_optimiser),
+        lambda trained, path: _changed(trained, path, _no_tensors),
+    ],
+    ids=[
+        *("dict", "list", "bare", "module", "empty", "cut", "safetensors"),
+        *("no lightning", "no optimiser", "no tensors"),
+    ],
+)
+def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(write, trained, case_folder, tmp_path, capsys):
+    path = tmp_path / "other.ckpt"
+    write(trained, path)
+    assert main(["validate", *_common(case_folder, tmp_path), f"--ckpt_path={path}"]) == 2
+    said = capsys.readouterr().err
+    assert "--ckpt_path: expected a checkpoint that `fit` has written, found another file" in said
+
+
+@pytest.mark.parametrize("command", ["predict", "test"])
+def test_a_folder_without_cases_is_refused(command, trained, case_folder, tmp_path, capsys):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    write_index(empty, seed=0)
+    given = [f"--data.test_folder={empty}", _start(trained, "model.start")]
+    assert main([command, *_common(case_folder, tmp_path), *given]) == 2
+    assert f"{empty / INDEX}: names no cases: expected at least one" in capsys.readouterr().err
 
 
 def test_prediction_reads_the_folder_it_is_given_and_no_other(trained, case_folder, tmp_path):

@@ -1,3 +1,5 @@
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,7 @@ from model.predictor.geometry import describe_geometry
 from model.predictor.lattice import lattice_stiffness
 from model.predictor.motion_features import MotionFeatures
 from model.predictor.prior_means import volumes
-from model.predictor.sample import make_sample
+from model.predictor.sample import Prediction, make_sample
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +61,13 @@ def test_numbers_take_another_type_and_indices_stay(case, sample_of):
     assert {name for name, kind in kinds.items() if kind == torch.int64} == indices
     assert {kind for name, kind in kinds.items() if name not in indices} == {torch.float64}
     assert sample_of(case).to("meta").edges.device.type == "meta"
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e3])
+def test_what_stands_for_no_number_is_named(value):
+    shapes = {"global_mean": (1, 4), "global_log_spread": (1, 4)}
+    good = Prediction(**{one.name: torch.ones(shapes.get(one.name, (2,))) for one in fields(Prediction)})
+    assert good.lost == []
+    bare = replace(good, log_controller_stiffness=torch.zeros(0))  # nothing is held
+    assert bare.lost == []
+    assert replace(bare, part_log_modulus=torch.tensor([1.0, value])).lost == ["part_log_modulus"]

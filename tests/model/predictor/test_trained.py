@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from model.encoders import KinematicEncoder
+from model.encoders.motion import EncodedMotion, MotionClip, MotionEncoder
 from model.errors import InputError
 from model.predictor import ALL_PREDICTORS, PriorMeanPredictor, TrainedPredictor
 from model.predictor.checkpoint import About, save_predictor
@@ -70,3 +71,45 @@ def test_the_future_and_the_truth_are_not_looked_at(make_case):
     spoiled = replace(case, truth=None, complete=None, observation=replace(case.observation, points=points))
     ours = TrainedPredictor()
     np.testing.assert_array_equal(ours(case).stiffness, ours(spoiled).stiffness)
+
+
+class _Still(MotionEncoder):
+    """Compares with nothing."""
+
+    name, version = "still", "1"
+    dim, global_dim = 2, 1
+
+    def forward(self, clip: MotionClip) -> EncodedMotion:
+        widths = ((clip.rest.shape[0], 1), (clip.parts, 1), 1)
+        return EncodedMotion(*(np.zeros(width, np.float32) for width in widths))
+
+
+@pytest.fixture
+def still(tmp_path):
+    encoder, options = _Still(), NetworkOptions(dim=16, layers=1, heads=2)
+    path = tmp_path / "still.safetensors"
+    save_predictor(path, options.build(encoder.dim, encoder.global_dim), _about(options, encoder))
+    return TrainedPredictor(path, encoder)
+
+
+def test_motion_that_was_seen_and_not_compared_is_said(untrained, still, make_case, monkeypatch):
+    case, ours = make_case(frames=16), TrainedPredictor(untrained)
+    assert not any("compared" in line for line in ours(case).warnings)
+    springs = len(case.topology.springs)
+    monkeypatch.setattr("model.predictor.reference.MOST_WORK", 7 * springs)
+    assert ours(case).warnings[-1] == (
+        f"motion after 0.2 s was not compared with reference twins: {springs} springs are too many for more"
+    )
+    assert not any("compared" in line for line in ours(replace(case, split=7)).warnings)
+    assert not any("compared" in line for line in still(case).warnings)
+
+
+def test_a_network_that_predicts_no_numbers_is_refused(untrained, make_case, tmp_path):
+    """Weights are finite, what comes of them is not."""
+    trained = TrainedPredictor(untrained).trained
+    with torch.no_grad():
+        for value in trained.network.parameters():
+            value.mul_(1e20)
+    save_predictor(tmp_path / "wild.safetensors", trained.network, trained.about)
+    with pytest.raises(InputError, match=r"for log_modulus.* is not finite: the network's training"):
+        TrainedPredictor(tmp_path / "wild.safetensors")(make_case(frames=8))
