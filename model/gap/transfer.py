@@ -43,6 +43,11 @@ LEAST_FRAMES = 6
 """Fewer tell nothing."""
 SAME_HAND = 0.5
 """Grasps: controllers this near to where the body takes those of the first recording hold the same."""
+SEEN = 0.25
+"""Share of the points known in both recordings: where so many are seen in both first frames a body is laid on
+these alone. From fewer, all on one side maybe, it lies worse than from all that are told by other frames."""
+FEWEST = 3
+"""Points that say how a body is turned."""
 
 
 class Followed(NamedTuple):
@@ -183,7 +188,7 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     twin = study.plain.twin
     here, there = rest_places(study.observation), rest_places(observation)
     if same_points(study.observation, observation):
-        points = posed(twin.body, _sure(here, study.observation), _sure(there, observation))
+        points = posed(twin.body, *_sure(here, there, study.observation, observation))
         body = _told_there(twin.body, here, there, points)
     else:
         points = posed_by_shape(twin.body, study.observation, observation)
@@ -227,10 +232,26 @@ def _own(study: Study, plain: Hypothesis, other: Transferred) -> Mapping[str, fl
     return other.held(plain, usual, names)
 
 
-def _sure(places: Float64[Array, "N 3"], observation: Observation) -> Float64[Array, "N 3"]:
-    """Places in the first frame of what is seen there; what is not may have been taken for somewhere else."""
+def _sure(
+    here: Float64[Array, "N 3"], there: Float64[Array, "N 3"], before: Observation, after: Observation
+) -> tuple[Float64[Array, "N 3"], Float64[Array, "N 3"]]:
+    """Places in the first frames of what is seen there; what is not may have been taken for somewhere else.
+
+    As they are, where too few are seen in both.
+    """
+    first, other = _seen_at_first(here, before), _seen_at_first(there, after)
+    both = _known_in_both(first, other)
+    enough = both >= max(FEWEST, SEEN * _known_in_both(here, there))
+    return (first, other) if enough else (here, there)
+
+
+def _seen_at_first(places: Float64[Array, "N 3"], observation: Observation) -> Float64[Array, "N 3"]:
     seen = np.isfinite(observation.points[0, :, 0])
-    return np.where(seen[:, None], places, np.nan) if seen.sum() >= 3 else places
+    return np.where(seen[:, None], places, np.nan) if seen.sum() >= FEWEST else places
+
+
+def _known_in_both(here: Float64[Array, "N 3"], there: Float64[Array, "N 3"]) -> int:
+    return int((np.isfinite(here[:, 0]) & np.isfinite(there[:, 0])).sum())
 
 
 def _told_there(

@@ -62,6 +62,20 @@ def test_a_point_that_is_hidden_at_first_is_no_obstacle(sheet):
     assert float((hidden - transferred(sheet, other).state.positions).abs().max()) < 0.02
 
 
+@pytest.mark.parametrize("overlap", [0, 4])
+def test_other_points_may_be_hidden_at_first_in_either_recording(sheet, overlap):
+    """The left in one and the right in the other: what few are seen in both do not say how all lies."""
+    seen, other = sheet.observation, posed(sheet.observation, 0.02)
+    count = seen.points.shape[1]
+    left, right = seen.points.copy(), other.points.copy()
+    left[:3, : (count - overlap) // 2] = np.nan
+    right[:3, (count + overlap) // 2 :] = np.nan
+    hidden = replace(sheet, observation=replace(seen, points=left))
+    found = transferred(hidden, replace(other, points=right)).state.positions
+    away = (found - transferred(sheet, other).state.positions).norm(dim=1)
+    assert float(away.mean()) < 0.2 * sheet.plain.twin.body.spacing
+
+
 def test_points_that_turn_up_elsewhere_do_not_drag_the_body_along(sheet):
     """A corner that is hidden at first in both recordings, and taken for another place when it turns up."""
     other = posed(sheet.observation)
