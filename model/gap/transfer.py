@@ -177,10 +177,12 @@ def _fitted(misfit: Misfit, start: Mapping[str, float], *, slopes: bool) -> Esti
 def transferred(study: Study, observation: Observation) -> Transferred:
     """The body of a study in another recording of its object.
 
-    Rest shape, masses and rest lengths are those of the first recording. The first frame may show another
-    pose: the body is turned and shifted onto it as a whole, then the mass points move to where the observed
-    points are seen, each much like those it is joined to, and it starts at rest. Where other points were
-    tracked the shape of the object says where that is. What the hand holds is found anew.
+    Rest shape, masses and the tensions that bear it at rest are those of the first recording. Rest lengths
+    are not: they follow from its stiffness and from how much of these tensions there is (`prestress`), which
+    is found anew in each recording. The first frame may show another pose: the body is turned and shifted
+    onto it as a whole, then the mass points move to where the observed points are seen, each much like those
+    it is joined to, and it starts at rest. Where other points were tracked the shape of the object says where
+    that is. What the hand holds is found anew.
 
     Raises:
         InputError: too few points are seen in both, or what is seen there is another object.
