@@ -6,7 +6,6 @@ hardly sticks, and any more of it makes that worse.
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import product
 
 import numpy as np
 from jaxtyping import Float64
@@ -61,16 +60,15 @@ def _starts(
     """
     own = starts_of(study.misfit, study.start)
     times = 1 if study.dear else TIMES[study.plain.twin.body.shape]
-    (usual,) = known(misfit, study.base.values, [{}])
-    tried = list(product(affordable(misfit, usual), named_probes(study, effect)))
+    tried = affordable(misfit, known(misfit, study.base.values, named_probes(study, effect)))
     # each in turn, in an order that has nothing to do with that of the places
     turns = np.random.default_rng(0).permutation(np.arange(times * len(own)) % len(tried))
-    starts, strength = [], []
+    starts: list[Float64[Array, " d"]] = []
+    strength: list[float] = []
     for turn, vector in zip(turns, np.repeat(own, times, axis=0), strict=True):
-        by, values = tried[turn]
-        (every,) = known(misfit, study.misfit.coordinates.values(vector), [values])
-        starts.append(strong(misfit, every, (by,)))
-        strength.append(by)
+        factors, values = tried[turn]
+        starts.append(strong(misfit, {**values, **study.misfit.coordinates.values(vector)}, factors))
+        strength += factors
     stacked, stiffness = np.stack(starts), misfit.coordinates.names.index("stiffness")
     softest = np.argsort(stacked[:, stiffness], kind="stable")
     return stacked[softest], np.array(strength)[softest]

@@ -168,6 +168,17 @@ class Misfit(Residuals):
             world = self.hypothesis.at(self.coordinates.values(vector))
             return self.observer.substeps(world, self.span.state)
 
+    def within(self, vectors: Float64[Array, "b d"], most: float) -> Int64[Array, " c"]:
+        """Which of these worlds ask for no more substeps per frame, or else for the fewest."""
+        if self.hypothesis.together:
+            # all at once are asked as quickly as one, and say within a tenth what the most demanding needs
+            with torch.no_grad():
+                worlds = self.hypothesis(self.coordinates.tensors(vectors))
+                if SPARE * self.observer.substeps(worlds, self.span.state) <= most:
+                    return np.arange(len(vectors))
+        needed = np.array([self.needs(vector) for vector in vectors])
+        return np.flatnonzero(needed <= max(most, needed.min()))
+
     def divide(self, vector: Float64[Array, " d"]) -> None:
         """Divide time as finely as a world needs: a spring that stiffens needs more than at rest.
 

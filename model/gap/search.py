@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -28,8 +29,8 @@ from model.types import Array
 STRENGTHS = (0.25, 1.0, 4.0, 16.0)
 """Of what a probe is."""
 DEAREST = 3.0
-"""No strength is tried that needs so many times finer time steps than the plain twin, but for the faintest:
-all that is looked at beside it would get as many, and a fit comes to it from a fainter one."""
+"""Nothing is tried that needs so many times finer time steps than the plain twin, but for what needs the
+fewest: all that is looked at beside it would get as many, and a fit comes to it from a fainter one."""
 FAINT = 0.04
 """So little that hardly anything is different: where an effect begins that helps in no strength."""
 HALF = 0.9
@@ -169,11 +170,12 @@ def _found(
     """Which strength of what is tried promises most, where effects act on all alike or in a place."""
     misfit = study.misfit.of(replace(study.plain, effects=effects, where=where))
     every = known(misfit, study.base.values, tried)
-    starts = _in_all_strengths(misfit, every, strengths)
+    able = affordable(misfit, every, strengths)
+    starts = _vectors(misfit, able)
     residuals = misfit(starts)
     promised = _linearly_left(study, residuals)
     best = int(promised.argmin())
-    faint = strong(misfit, every[best % len(every)], (FAINT,) * len(effects))
+    faint = strong(misfit, able[best].values, (FAINT,) * len(effects))
     left = float((residuals[best] ** 2).mean())
     return _Strength(misfit, starts[best], faint, left, float(promised[best]) / misfit.size)
 
@@ -195,7 +197,7 @@ def _as_given(study: Study, misfit: Misfit, tried: Sequence[Mapping[str, float]]
 
     The plain twin was fitted without it, and may have ended far from parameters that were right.
     """
-    starts = _in_all_strengths(misfit, known(misfit, study.start, tried))
+    starts = _vectors(misfit, affordable(misfit, known(misfit, study.start, tried)))
     misfit.settle()
     left = (misfit(starts) ** 2).mean(1)
     if left.min() >= there.left:
@@ -212,22 +214,34 @@ def known(
     return [{**first, **own, **values} for values in tried]
 
 
-def _in_all_strengths(
-    misfit: Misfit, every: Sequence[Mapping[str, float]], strengths: Sequence[float] = STRENGTHS
-) -> Float64[Array, "s d"]:
-    """Coordinates of each, from faint to strong, which need finer steps in time: only those get them."""
-    factors = product(affordable(misfit, every[0], strengths), repeat=len(misfit.hypothesis.effects))
-    return np.stack([strong(misfit, values, each) for each in factors for values in every])
+class Start(NamedTuple):
+    """What is tried of effects."""
+
+    factors: tuple[float, ...]
+    """So many times as strong, each of the effects."""
+    values: Mapping[str, float]
+    """Of all quantities, by name."""
 
 
 def affordable(
-    misfit: Misfit, values: Mapping[str, float], strengths: Sequence[float] = STRENGTHS
-) -> tuple[float, ...]:
-    """Which of these strengths, faintest first, may be tried beside these values of the twin's own."""
+    misfit: Misfit, every: Sequence[Mapping[str, float]], strengths: Sequence[float] = STRENGTHS
+) -> list[Start]:
+    """Each of these in all strengths, from faint to strong, less what needs much finer steps in time.
+
+    Args:
+        misfit: Of the hypothesis that has the effects.
+        every: Values of all its quantities; those of the twin's own are the same in each.
+        strengths: Faintest first.
+    """
     count = len(misfit.hypothesis.effects)
-    most = DEAREST * misfit.needs(strong(misfit, values, (0.0,) * count))
-    cheap = [by for by in strengths if misfit.needs(strong(misfit, values, (by,) * count)) <= most]
-    return tuple(cheap or strengths[:1])
+    tried = [Start(each, values) for each in product(strengths, repeat=count) for values in every]
+    most = DEAREST * misfit.needs(strong(misfit, every[0], (0.0,) * count))
+    return [tried[one] for one in misfit.within(_vectors(misfit, tried), most)]
+
+
+def _vectors(misfit: Misfit, starts: Sequence[Start]) -> Float64[Array, "s d"]:
+    """Coordinates of each."""
+    return np.stack([strong(misfit, start.values, start.factors) for start in starts])
 
 
 def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:

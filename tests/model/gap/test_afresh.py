@@ -7,10 +7,10 @@ import pytest
 
 from model.gap.afresh import TIMES, _followed, _starts, afresh
 from model.gap.confirm import confirm, refit
-from model.gap.effects import QuadraticAirDrag
+from model.gap.effects import BendingStiffness, QuadraticAirDrag
 from model.gap.estimate import estimate
 from model.gap.probes import probes
-from model.gap.search import STRENGTHS
+from model.gap.search import DEAREST, STRENGTHS
 from model.gap.study import starts_of
 
 DRAG, FACING = "quadratic_air_drag.drag_per_mass", "quadratic_air_drag.facing"
@@ -103,6 +103,16 @@ def test_every_strength_of_every_probe_is_looked_at_softest_first(dragged, with_
     # each place is looked at as often, in strengths of its own
     own = {tuple(np.round(np.delete(one, names.index(DRAG)), 9)) for one in starts}
     assert len(own) == len(starts) // times
+
+
+def test_no_strength_of_any_probe_is_looked_at_that_needs_much_finer_time_steps(dragged):
+    """By the twin that they are compared with: places that are stiffer need finer ones themselves."""
+    effect = BendingStiffness()
+    misfit = dragged.misfit.of(replace(dragged.plain, effects=(effect,)))
+    starts, _ = _starts(dragged, misfit, effect)
+    own = dragged.base.values
+    needed = [misfit.needs(misfit.coordinates.vector(misfit.coordinates.values(one) | own)) for one in starts]
+    assert max(needed) <= DEAREST * dragged.misfit.needs(dragged.base.vector)
 
 
 def test_where_rollouts_take_long_one_is_followed(dragged, with_drag, monkeypatch):

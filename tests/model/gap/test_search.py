@@ -3,12 +3,14 @@
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
 import pytest
 
-from model.gap.effects import ActuationDelay, Plasticity, QuadraticAirDrag, StrainStiffening
+from model.gap.effects import ActuationDelay, BendingStiffness, Plasticity, QuadraticAirDrag, StrainStiffening
 from model.gap.effects.base import Quantity
 from model.gap.fields import halves_of, tensor
 from model.gap.meeting import able_effects
+from model.gap.misfit import Misfit
 from model.gap.plain import PlainTwin
 from model.gap.probes import probes
 from model.gap.search import (
@@ -19,6 +21,7 @@ from model.gap.search import (
     affordable,
     beginning,
     known,
+    named_probes,
     searched,
     strong,
     values_of,
@@ -156,15 +159,36 @@ def test_only_the_material_is_searched_for_in_halves(dragged):
 
 
 def test_strengths_that_need_much_finer_time_steps_are_not_tried(dragged, monkeypatch):
-    """Springs that stiffen need fewer strengths than air does; the faintest is always tried."""
+    """Springs that stiffen need fewer strengths than air does; what needs the fewest is always tried."""
     stiffening = dragged.misfit.of(replace(dragged.plain, effects=(StrainStiffening(),)))
     air = dragged.misfit.of(replace(dragged.plain, effects=(QuadraticAirDrag(),)))
     values = dragged.base.values
     (stiff,) = known(stiffening, values, [{"strain_stiffening.stiffening": 500.0}])
     (slow,) = known(air, values, [{DRAG: 1.0}])
-    assert affordable(air, slow) == STRENGTHS
+    assert factors(affordable(air, [slow])) == STRENGTHS
     needed = {by: stiffening.needs(strong(stiffening, stiff, (by,))) for by in (0.0, *STRENGTHS)}
     cheap = tuple(by for by in STRENGTHS if needed[by] <= DEAREST * needed[0])
-    assert affordable(stiffening, stiff) == (cheap or STRENGTHS[:1])
+    assert factors(affordable(stiffening, [stiff])) == cheap
     monkeypatch.setattr("model.gap.search.DEAREST", 0.1)
-    assert affordable(stiffening, stiff) == STRENGTHS[:1]
+    fewest = min(needed[by] for by in STRENGTHS)
+    assert factors(affordable(stiffening, [stiff])) == tuple(by for by in STRENGTHS if needed[by] == fewest)
+
+
+def factors(starts):
+    """How strong a single effect is in each."""
+    return tuple(by for start in starts for by in start.factors)
+
+
+@pytest.mark.parametrize("kind", [BendingStiffness, StrainStiffening])
+def test_each_probe_is_tried_in_the_strengths_that_it_can_afford(hung, studied, monkeypatch, kind):
+    """The last may be ten thousand times the first, and needs finer time steps in any strength."""
+    study, effect, looked, call = studied(hung, softer=1.0), kind(), [], Misfit.__call__
+    monkeypatch.setattr(Misfit, "__call__", lambda self, some: looked.append(some) or call(self, some))
+    beginning(study, (effect,), named_probes(study, effect))
+    misfit = study.misfit.of(replace(study.plain, effects=(effect,)))
+    every = known(misfit, study.base.values, named_probes(study, effect))
+    whole = np.stack([strong(misfit, values, (by,)) for by in STRENGTHS for values in every])
+    needed = np.array([misfit.needs(one) for one in whole])
+    cheap = needed <= DEAREST * misfit.needs(strong(misfit, every[0], (0.0,)))
+    assert 0 < cheap.sum() < len(whole)
+    np.testing.assert_array_equal(looked[0], whole[cheap])
