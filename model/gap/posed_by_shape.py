@@ -64,13 +64,17 @@ def posed_by_shape(body: Body, before: Observation, after: Observation) -> Float
         after: The other one.
 
     Raises:
-        InputError: the other recording shows an object of another size, or of another shape.
+        InputError: the other recording shows an object of another size, or of another shape, or too little
+            of it: of a solid one plane alone, in which it could be laid flat.
 
     Reference:
         Amberg, Romdhani and Vetter (2007), Optimal step nonrigid ICP algorithms for surface registration,
         IEEE conference on computer vision and pattern recognition.
     """
-    target = body_of(after, body.shape)
+    try:
+        target = body_of(after, body.shape)
+    except InputError as error:
+        raise InputError(f"the other recording: {error}") from error
     one, other = (_length(each) for each in (body, target))
     if not 1.0 / SIZES <= other / one <= SIZES:
         raise InputError(

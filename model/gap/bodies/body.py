@@ -18,7 +18,7 @@ from model.gap.bodies.rest import rest_places
 from model.gap.bodies.rope import chain, is_thick
 from model.gap.bodies.shares import shares
 from model.gap.bodies.sheet import net
-from model.gap.bodies.solid import lattice
+from model.gap.bodies.solid import lattice, spans_volume
 from model.gap.bodies.tension import stands
 from model.gap.bodies.underside import underside
 from model.gap.bodies.unfolded import unfolded
@@ -77,7 +77,7 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
         scale: Of the spacing; another value gives another lattice for the same object.
 
     Raises:
-        InputError: fewer than three points are ever seen.
+        InputError: fewer than three points are ever seen, or of what is said to be a solid one plane alone.
     """
     seen = rest_places(observation)
     known = np.isfinite(seen[:, 0])
@@ -103,14 +103,16 @@ def body_of(observation: Observation, shape: Shape | None = None, scale: float =
 def shape_of(observation: Observation, places: Float64[Array, "N 3"]) -> Shape:
     """By how its points lie; a sheet that something bears from below is one side of a solid.
 
+    If that has a volume: a plane in the air, of which nothing says how thick it is, is a sheet.
+
     Args:
         observation: Whose ground and hands count.
         places: Points on the object in the first frame [m].
     """
     shape = guess_shape(places)
-    if shape == "sheet" and (is_borne(observation, places) or stands(observation, places)):
-        return "solid"
-    return shape
+    if shape != "sheet" or not (is_borne(observation, places) or stands(observation, places)):
+        return shape
+    return "solid" if spans_volume(np.concatenate([places, underside(observation, places)])) else "sheet"
 
 
 def with_skin(

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull, cKDTree
 
+from model.errors import InputError
 from model.gap.bodies.inside import Inside
 from model.gap.bodies.neighbours import farthest_points, usual_distance
 from model.types import Array
@@ -14,6 +15,15 @@ WITHIN = 0.45
 """`Inside` of what is filled."""
 CELLS = 600
 """Of the convex hull, about, in which it is looked how much of it is filled."""
+FLAT = 1e-4
+"""Of their size: points that are no farther from a plane have no volume between them. Where rounding alone
+parts them, cells as large as they are thick would be too many for any memory."""
+
+
+def spans_volume(places: Float64[Array, "N 3"]) -> bool:
+    """Whether these points are not all in one plane, as three always are."""
+    size = np.linalg.svd(places - places.mean(0), compute_uv=False)
+    return len(size) == 3 and bool(size[2] > FLAT * size[0])
 
 
 def lattice(places: Float64[Array, "N 3"], scale: float) -> tuple[Float64[Array, "P 3"], float]:
@@ -22,7 +32,12 @@ def lattice(places: Float64[Array, "N 3"], scale: float) -> tuple[Float64[Array,
     Args:
         places: Seen points of the surface [m].
         scale: Of the spacing.
+
+    Raises:
+        InputError: they are all in one plane.
     """
+    if not spans_volume(places):
+        raise InputError("points: all that are seen of a solid are in one plane: nothing to fill it between")
     # along the solid's own axes, so that it has the same inside however it lies
     axes, middle = np.linalg.eigh(np.cov(places.T))[1], places.mean(0)
     own = (places - middle) @ axes

@@ -1,6 +1,7 @@
 """A body is found in a recording whose points are not those of the first."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,6 +121,17 @@ def test_a_solid_that_is_turned_about_the_vertical_is_found(egg):
     # it is alike on both ends and on both sides
     assert np.median(cKDTree(right).query(points)[0]) < 0.5 * body.spacing
     assert np.median(np.linalg.norm(points - right, axis=1)) < body.spacing
+
+
+@pytest.mark.parametrize("count", [3, 200])
+def test_a_solid_of_which_one_plane_is_seen_is_refused(egg, count):
+    """It would be laid flat."""
+    other = still(egg[:count])
+    level = other.points * np.array([1.0, 1.0, 0.0], np.float32)
+    with pytest.raises(
+        InputError, match="the other recording: points: all that are seen of a solid are in one"
+    ):
+        posed_by_shape(body_of(still(egg), "solid"), still(egg), replace(other, points=level))
 
 
 def test_another_object_is_refused(egg):

@@ -1,5 +1,7 @@
 """Bodies from points that are seen: what they are, what joins them, what is held."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, cKDTree
@@ -66,6 +68,24 @@ def test_what_has_limbs_is_a_solid_and_a_saddle_is_a_sheet(ball):
     saddle = np.stack([u, v, 3 * (u**2 - v**2)], -1).reshape(-1, 3)
     assert guess_shape(np.concatenate(plush)) == "solid"
     assert guess_shape(saddle) == "sheet"
+
+
+@pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [0.03, 0.02, 0.0]])
+def test_a_plane_in_the_air_that_nobody_holds_is_a_sheet(turn):
+    """Something bears it, but nothing says how thick that is."""
+    u, v = np.meshgrid(np.linspace(0, 0.3, 12), np.linspace(0, 0.2, 9), indexing="ij")
+    places = Rotation.from_rotvec(turn).apply(np.stack([u, v, 0 * u + 0.5], -1).reshape(-1, 3))
+    held_up = replace(seen(places, frames=12), ground_height=0.0)
+    assert body_of(held_up).shape == "sheet"
+    with pytest.raises(InputError, match="a solid are in one plane"):
+        body_of(held_up, "solid")
+
+
+def test_a_slope_that_stands_on_the_ground_is_a_side_of_a_solid():
+    """A plane as well, but between it and its underside there is a volume."""
+    u, v = np.meshgrid(np.linspace(0, 0.3, 12), np.linspace(0, 0.2, 9), indexing="ij")
+    places = np.stack([u, v, 0.01 + 0.4 * u], -1).reshape(-1, 3)
+    assert body_of(replace(seen(places, frames=12), ground_height=0.0)).shape == "solid"
 
 
 def test_long_limbs_do_not_make_a_sheet(ball):

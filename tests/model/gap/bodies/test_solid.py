@@ -5,7 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from model.gap.bodies.solid import SOLID_POINTS, lattice
+from model.errors import InputError
+from model.gap.bodies.solid import SOLID_POINTS, lattice, spans_volume
 
 
 def test_it_fills_the_solid(egg):
@@ -44,3 +45,18 @@ def test_points_are_as_dense_in_a_ring_as_in_an_egg(ring, egg):
     assert volume / spacing**3 == pytest.approx(SOLID_POINTS, rel=0.25)
     _, spacing = lattice(egg, 1.0)
     assert 4 / 3 * np.pi * 0.15 * 0.1 * 0.07 / spacing**3 == pytest.approx(SOLID_POINTS, rel=0.25)
+
+
+@pytest.mark.parametrize("rounded", [np.float64, np.float32])
+def test_points_in_one_plane_have_no_volume_to_fill(egg, rounded):
+    """Nor where rounding parts them: cells as large as that would be millions."""
+    turn = Rotation.from_rotvec([0.3, 0.5, 0.1])
+    level = turn.apply(egg * [1.0, 1.0, 0.0]).astype(rounded).astype(np.float64)
+    for places in (level, level[:4], egg[:3], egg[:1].repeat(5, 0)):
+        assert not spans_volume(places)
+        with pytest.raises(InputError, match="in one plane"):
+            lattice(places, 1.0)
+    noisy = level + np.random.default_rng(0).normal(0, 1e-3, level.shape)
+    for places in (noisy, egg, egg[:4]):
+        assert spans_volume(places)
+        assert len(lattice(places, 1.0)[0]) >= 4
