@@ -11,8 +11,10 @@ from model.gap.effects.base import (
     Grid,
     Quantity,
     Values,
+    borne,
     no_springs,
     on_springs,
+    slackness_of,
     spring_stiffness,
     vector,
 )
@@ -30,13 +32,14 @@ class FibreSpring(AxialForce):
 
     How much of it there is to springs aslant, which also shear, is for n to say: the energy of a fibre's own
     strain in a spring at an angle goes with n = 2, and a lattice whose springs at 45° carry shear alone
-    needs more.
+    needs more. Of compression a spring that goes slack bears $1 - \beta$.
 
     Args:
         stiffness: k [N/m] of the linear spring, shape [spring_count].
         alignment: $|\cos\theta|^{2n}$ [1] of the angle between spring and fibres at rest, shape
             [spring_count].
         excess: $\alpha$ [1].
+        slackness: $\beta$ [1], shape [spring_count].
 
     Reference:
         Holzapfel, Gasser and Ogden (2000), A new constitutive framework for arterial wall mechanics, Journal
@@ -49,25 +52,39 @@ class FibreSpring(AxialForce):
         "stiffness": Constant("N/m", "springs", (1.0, 1e5)),
         "alignment": Constant("1", "springs", (0.0, 1.0)),
         "excess": Constant("1", "scene", (0.0, 5.0)),
+        "slackness": Constant("1", "springs", (0.0, 1.0)),
     }
 
-    def __init__(self, stiffness: TensorLike, alignment: TensorLike, excess: TensorLike) -> None:
+    def __init__(
+        self, stiffness: TensorLike, alignment: TensorLike, excess: TensorLike, slackness: TensorLike = 0.0
+    ) -> None:
         """See the class."""
-        super().__init__(stiffness=stiffness, alignment=alignment, excess=excess)
+        super().__init__(stiffness=stiffness, alignment=alignment, excess=excess, slackness=slackness)
 
     @staticmethod
     def law(
-        length: Scalar, rest_length: Scalar, stiffness: Scalar, alignment: Scalar, excess: Scalar
+        length: Scalar,
+        rest_length: Scalar,
+        stiffness: Scalar,
+        alignment: Scalar,
+        excess: Scalar,
+        slackness: Scalar,
     ) -> Scalar:
         """Tension [N]."""
-        return stiffness * alignment * excess * (length - rest_length)
+        return stiffness * alignment * excess * borne(length - rest_length, slackness)
 
     @staticmethod
     def potential(
-        length: Scalar, rest_length: Scalar, stiffness: Scalar, alignment: Scalar, excess: Scalar
+        length: Scalar,
+        rest_length: Scalar,
+        stiffness: Scalar,
+        alignment: Scalar,
+        excess: Scalar,
+        slackness: Scalar,
     ) -> Scalar:
         """Energy [J]."""
-        return 0.5 * stiffness * alignment * excess * (length - rest_length) ** 2
+        stretch = length - rest_length
+        return 0.5 * stiffness * alignment * excess * stretch * borne(stretch, slackness)
 
 
 class Anisotropy(Effect):
@@ -107,7 +124,9 @@ class Anisotropy(Effect):
         way = ends[:, 1] - ends[:, 0]
         squared = (fibre @ way.T) ** 2 / (way * way).sum(-1).clamp_min(1e-18)
         along = squared ** values["sharpness"] * on_springs(world, where).to(fibre)
-        return world.with_force(FibreSpring(spring_stiffness(world), along, values["excess"]))
+        return world.with_force(
+            FibreSpring(spring_stiffness(world), along, values["excess"], slackness_of(world))
+        )
 
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
         """Fibres in another direction."""
