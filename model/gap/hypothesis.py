@@ -62,11 +62,12 @@ class Hypothesis:
         like = next(iter(values.values()))
         fixed = {name: torch.full_like(like, value) for name, value in (self.held or {}).items()}
         known = {**fixed, **values}
-        world = self.twin.world({name: known[name] for name in self.twin.quantities})
+        own = {name: known[name] for name in self.twin.quantities}
+        plain = world = self.twin.world(own)
         for effect in self.effects:
-            own = {name: known[f"{effect.name}.{name}"] for name in effect.quantities}
-            world = effect.apply(world, own, self.where)
-        return world
+            strength = {name: known[f"{effect.name}.{name}"] for name in effect.quantities}
+            world = effect.apply(world, strength, self.where)
+        return self.twin.at_rest(plain, world, own)
 
     def at(self, values: Mapping[str, float]) -> World:
         """The one world of these values."""

@@ -10,6 +10,7 @@ from jaxtyping import Float, Float64, Int64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
+from model.gap.balanced import balanced, weighing_more
 from model.gap.bodies.aside import Skin
 from model.gap.bodies.body import Body
 from model.gap.bodies.grip import held_places, idle_hands
@@ -223,6 +224,36 @@ class PlainTwin:
         # another recording may have no ground, or nothing that holds the object
         return carrying_able(world, self.carried)
 
+    def at_rest(self, plain: World, world: World, values: Values) -> World:
+        """A world with effects as much at rest in the first frame as the plain one of these values is.
+
+        Its springs pull there as they do in that one, and bear what weighs on it more; so does the hand.
+        """
+        weights, length = weighing_more(plain, world), self._first_length
+        if weights is None:
+            return balanced(plain, world, length)
+        worlds = weights.reshape(-1, *weights.shape[-2:])
+        tensions, supports = (torch.from_numpy(each) for each in self.rest.more(worlds.numpy()))
+        if self.matter.slackness:
+            tensions = tensions.clamp_min(-torch.from_numpy(self.rest.tensions))
+        if weights.ndim == worlds.ndim - 1:
+            tensions, supports = tensions[0], supports[0]
+        world = balanced(plain, world, length, values["prestress"] * tensions)
+        if world.controls is None or self.hand_known:
+            return world
+        known = torch.from_numpy(self.rest.supports)
+        farther = self._beyond(values, known + supports) - self._beyond(values, known)
+        controls = world.controls.unsqueeze(1) if farther.ndim == world.controls.ndim else world.controls
+        return replace(world, controls=controls + farther.to(controls.dtype))
+
+    @property
+    def _first_length(self) -> Float[Tensor, " E"]:
+        """Of the springs where the body is at rest [m]: of a guessed one their own, but for prestress."""
+        if not self.given:
+            return torch.from_numpy(self.matter.length)
+        ends = self.body.points[self.body.springs]
+        return torch.from_numpy(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+
     def _grip(self, values: Values) -> Float[Tensor, "*b S"]:
         """Stiffness of the springs of the hand [N/m]: full where it is, fading with distance."""
         matter = self.matter
@@ -239,11 +270,15 @@ class PlainTwin:
         if self.hand_known:
             return controls
         controls = self._hands.displaced(controls, values, self.observation.times)
-        load = torch.from_numpy(self.rest.supports[self.body.grip[:, 1]])
+        beyond = self._beyond(values, torch.from_numpy(self.rest.supports)).to(dtype)
+        return (controls.unsqueeze(1) if beyond.ndim == controls.ndim else controls) + beyond
+
+    def _beyond(self, values: Values, supports: Float[Tensor, "*s P 3"]) -> Float[Tensor, "*b H 3"]:
+        """How far the ends of the springs of the hand are from what they hold [m], to bear this [N]."""
+        load = supports[..., self.body.grip[:, 1], :]
         beyond = (values["prestress"] / self._grip(values)).unsqueeze(-1) * load
         far = FARTHEST * self.body.grasp
-        beyond = (far * torch.tanh(beyond / far)).to(dtype)
-        return (controls.unsqueeze(1) if beyond.ndim == controls.ndim else controls) + beyond
+        return far * torch.tanh(beyond / far)
 
     def _gradient(self, values: Values) -> Float[Tensor, "*b E"]:
         """How stiffness varies over the body, 1 on average."""

@@ -1,12 +1,13 @@
 """The tensions with which a body is at rest under its weight."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.optimize import nnls
-from scipy.sparse import coo_matrix, csr_matrix, identity, vstack
-from scipy.sparse.linalg import lsqr
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity, vstack
+from scipy.sparse.linalg import SuperLU, lsqr, splu
 
 from model.types import Array
 
@@ -19,6 +20,36 @@ ROUNDS = 10
 
 
 @dataclass(frozen=True)
+class Balance:
+    """The forces of springs and of what bears a body on its points.
+
+    Columns of `matrix` are springs, then three for each point that is borne, which `held` are, as firmly
+    as `firm` says. Those of springs that are slack are empty.
+    """
+
+    matrix: csr_matrix
+    springs: int
+    held: Int64[Array, " h"]
+    firm: Float64[Array, " h"]
+
+    def more(self, weights: Float64[Array, "b P 3"]) -> tuple[Float64[Array, "b E"], Float64[Array, "b P 3"]]:
+        """How much more springs and what bears them pull [N] where more weighs on the points [N].
+
+        As long as no other springs are slack than were: the same least squares, which are linear then.
+        """
+        loads = -weights.reshape(len(weights), -1)
+        found = (self.matrix.T @ self._solver.solve(loads.T)).T
+        supports = np.zeros_like(weights)
+        supports[:, self.held] = found[:, self.springs :].reshape(len(weights), -1, 3) * self.firm[:, None]
+        return found[:, : self.springs], supports
+
+    @cached_property
+    def _solver(self) -> SuperLU:
+        rows = self.matrix.shape[0]
+        return splu((self.matrix @ self.matrix.T + RELUCTANCE**2 * identity(rows)).tocsc())
+
+
+@dataclass(frozen=True)
 class Rest:
     """What keeps a body in its place."""
 
@@ -26,6 +57,16 @@ class Rest:
     """Of each spring [N]."""
     supports: Float64[Array, "P 3"]
     """What a hand or the ground does to each point [N]."""
+    within: Balance
+    """That of the tensions."""
+    around: Balance
+    """That of the supports: of a body that is held elsewhere now than where its lengths were told it is
+    another."""
+
+    def more(self, weights: Float64[Array, "b P 3"]) -> tuple[Float64[Array, "b E"], Float64[Array, "b P 3"]]:
+        """How much more springs, and what bears the body, pull where more weighs on its points [N]."""
+        tensions, supports = self.within.more(weights)
+        return tensions, supports if self.around is self.within else self.around.more(weights)[1]
 
 
 def resting(
@@ -63,13 +104,16 @@ def resting(
     entries = np.concatenate([entries, np.repeat(firm, 3)])
     shape = 3 * len(points), len(springs) + 3 * len(held)
     balance = coo_matrix((entries, (rows, columns)), shape=shape)
+    balance = balance.tocsr()
     if presses:
-        found = lsqr(balance.tocsr(), -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
+        found = lsqr(balance, -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
     else:
-        found = _pulling(balance.tocsr(), -weights.ravel(), len(springs))
+        found = _pulling(balance, -weights.ravel(), len(springs))
+        balance = balance @ diags(np.where(np.arange(shape[1]) < len(springs), found > 0.0, 1.0))
     supports = np.zeros((len(points), 3))
     supports[held] = found[len(springs) :].reshape(-1, 3) * firm[:, None]
-    return Rest(found[: len(springs)], supports)
+    known = Balance(balance, len(springs), held, firm)
+    return Rest(found[: len(springs)], supports, known, known)
 
 
 def _pulling(balance: csr_matrix, load: Float64[Array, " m"], springs: int) -> Float64[Array, " n"]:

@@ -26,7 +26,6 @@ from model.gap.observer import Observer
 from model.gap.plain import PlainTwin
 from model.gap.posed import posed
 from model.gap.posed_by_shape import posed_by_shape
-from model.gap.prestress import Rest
 from model.gap.same_points import same_points
 from model.gap.study import LEAST_NOISE, PATIENCE, STEPS, Study
 from model.gap.world import World
@@ -179,7 +178,9 @@ def transferred(study: Study, observation: Observation) -> Transferred:
 
     Rest shape, masses and the tensions that bear it at rest are those of the first recording. Rest lengths
     are not: they follow from its stiffness and from how much of these tensions there is (`prestress`), which
-    is found anew in each recording. The first frame may show another pose: the body is turned and shifted
+    is found anew in each recording. Of a guessed solid lengths and tensions are those of its pose here: soft
+    ones give way to their weight otherwise in each, which a lattice that is stretched onto what is seen of
+    it can hardly tell. The first frame may show another pose: the body is turned and shifted
     onto it as a whole, then the mass points move to where the observed points are seen, each much like those
     it is joined to, and it starts at rest. Where other points were tracked the shape of the object says where
     that is. What the hand holds is found anew.
@@ -306,12 +307,16 @@ def _held_anew(
         hold=found.matter.hold,
     )
     heavier = float(own.mass.sum() / found.matter.mass.sum())
+    rest = replace(twin.rest, supports=heavier * found.rest.supports, around=found.rest.within)
+    if twin.body.shape == "solid" and not twin.given:
+        matter = replace(matter, length=found.matter.length)
+        rest = replace(rest, tensions=heavier * found.rest.tensions, within=found.rest.within)
     return replace(
         twin,
         body=replace(found.body, points=twin.body.points),
         observation=observation,
         matter=matter,
-        rest=Rest(twin.rest.tensions, heavier * found.rest.supports),
+        rest=rest,
         controls=found.controls,
     )
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
@@ -17,8 +17,9 @@ from model.errors import InputError
 from model.formats.parameters import UNITS, encode_parameters
 from model.gap.bodies.first import first_places
 from model.gap.by_graph import by_graph
-from model.gap.carried import CATALOGUE, record_of, values_of
+from model.gap.carried import CATALOGUE, carrying_able, record_of, values_of
 from model.gap.diagnosis import Diagnosis
+from model.gap.effects.actuation_delay import ActuationDelay
 from model.gap.effects.bending_stiffness import BendingStiffness
 from model.gap.effects.tension_only import TensionOnly
 from model.gap.given import MOST, given_twin
@@ -109,9 +110,11 @@ def with_findings(
     place = _there(bundle.parameters, fine)
     twin = replace(bundle, effects=(*kept, *found), parameters=place, preview=None)
     if diagnosis.fitted is not None:
-        mechanics = Mechanics.of(
-            _world(replace(fine, carried=(), along=coarse.body), diagnosis.fitted, coarse)
-        )
+        # what it has already and what was found stand beside each other, on lengths that balance both
+        whole_twin = replace(fine, carried=kept, along=coarse.body)
+        rest = _world(whole_twin, diagnosis.fitted, coarse, found).system.value("rest_length")
+        plain = _world(replace(whole_twin, carried=()), diagnosis.fitted, coarse)
+        mechanics = Mechanics.of(plain.with_system(plain.system.with_values(rest_length=rest)))
         same_hand = np.array_equal(fine.body.grip, bundle.topology.controller_springs)
         twin = _refitted(twin, mechanics, same_hand)
     return replace(twin, manifest=_signed(bundle.manifest, bundle.manifest.id, twin))
@@ -136,7 +139,7 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
     """
     body, seen = plain.body, first_places(observation)
     known = np.isfinite(seen[:, 0])
-    world = _world(plain, diagnosis.fitted or {}, plain)
+    world = _world(plain, diagnosis.fitted or {}, plain, diagnosis.effects)
     mechanics, held = Mechanics.of(world), world.system.controller_points
     topology = Topology(
         points=body.points.astype(np.float32),
@@ -168,14 +171,29 @@ def twin_of(observation: Observation, diagnosis: Diagnosis, plain: PlainTwin) ->
     return replace(twin, manifest=_signed(twin.manifest.model_copy(update={"source": source}), origin, twin))
 
 
-def _world(plain: PlainTwin, fitted: Mapping[str, float], like: PlainTwin) -> World:
-    """The world of a fit that was made of another twin, maybe a coarser one."""
+def _world(
+    plain: PlainTwin,
+    fitted: Mapping[str, float],
+    like: PlainTwin,
+    effects: Sequence[EffectRecord] = (),
+) -> World:
+    """The world of a fit that was made of another twin, maybe a coarser one.
+
+    It is without these effects, and as it has to be for them: they find it at rest and held as in the fit.
+    """
     values = {}
     for name, quantity in plain.quantities.items():
         scale = quantity.start / like.quantities[name].start if name in SCALED else 1.0
         values[name] = torch.tensor(scale * fitted[name] if name in fitted else quantity.start)
+    known = {name: value.double() for name, value in values.items()}
     with torch.no_grad():
-        return plain.world({name: value.double() for name, value in values.items()})
+        world = plain.world(known)
+        still = [one for one in effects if one.name != ActuationDelay.name]
+        full = plain.at_rest(world, carrying_able(world, still), known)
+    return replace(
+        world.with_system(world.system.with_values(rest_length=full.system.value("rest_length"))),
+        controls=full.controls,
+    )
 
 
 def _refitted(twin: TwinBundle, mechanics: Mechanics, same_hand: bool) -> TwinBundle:

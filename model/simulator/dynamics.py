@@ -96,13 +96,15 @@ class Dynamics:
         return velocities
 
     def rest_memory(self, state: State, anchors: Anchors | None) -> dict[str, Tensor]:
-        """What laws with memory remember before anything has happened."""
+        """What laws with memory remember of edges that have long been as long as they are."""
         motion = self.motion(state, anchors)
         return {
             f"{term.name}.{name}": value
-            for term, _ in self._axial
+            for term, values in self._axial
             if term.memory
-            for name, value in term.rest_memory(motion).items()
+            for name, value in term.rest_memory(
+                motion.over(motion.length, term.where), motion.over(motion.rest_length, term.where), values
+            ).items()
         }
 
     def _acts(self, term: PairForce) -> bool:

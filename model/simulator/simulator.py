@@ -300,5 +300,5 @@ class Simulator(nn.Module):
 
 
 def _remembering(dynamics: Dynamics, state: State, anchors: Anchors | None) -> State:
-    """The state with the memory at rest of what it does not remember yet."""
+    """The state with the memory of what has long been at rest, of what it does not remember yet."""
     return replace(state, memory={**dynamics.rest_memory(state, anchors), **state.memory})

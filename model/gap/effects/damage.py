@@ -99,6 +99,11 @@ class DamagedSpring(AxialForce):
         lost = share * softening * torch.tanh(beyond / damage_strain)
         return -stiffness * lost * borne(length - rest_length, slackness), largest
 
+    @staticmethod
+    def settled(length: Scalar, rest_length: Scalar) -> tuple[Scalar]:
+        """The largest strain so far is the one that it has."""
+        return (torch.relu(length / rest_length - 1.0),)
+
 
 class Damage(Effect):
     """Springs soften by the largest stretch they have seen."""

@@ -33,6 +33,7 @@ class Wind(StencilForce):
     """
 
     name = "wind"
+    steady = True
     size = 1
     constants: ClassVar[Mapping[str, Constant]] = {
         "coefficient": Constant("kg/m", "stencils", (0.1, 5.0)),
@@ -78,6 +79,7 @@ class WindOnFaces(StencilForce):
     """
 
     name = "wind_on_faces"
+    steady = True
     size = 3
     constants: ClassVar[Mapping[str, Constant]] = {
         "coefficient": Constant("kg/m", "stencils", (0.1, 5.0)),

@@ -32,6 +32,8 @@ class ForceTerm(Parametric, ABC):
     """So is the net torque."""
     dissipative: ClassVar[bool] = False
     """Its power is never positive."""
+    steady: ClassVar[bool] = False
+    """It pulls at points that do not move, from outside and alike wherever they are, as gravity does."""
 
     @abstractmethod
     def force(self, motion: Motion, values: Values) -> Float[Tensor, "*b N 3"]:
@@ -69,7 +71,10 @@ class AxialForce(PairForce, ABC):
     potential: ClassVar[Law | None] = None
     """Energy [J] of one edge, from the same names; -d/d length of it is minus the tension."""
     memory: ClassVar[Mapping[str, float]] = {}
-    """What each edge remembers, and its value at rest."""
+    """What each edge remembers, and its value before anything has happened."""
+    settled: ClassVar[Law | None] = None
+    """What an edge remembers that has long been as long as it is, a tuple in the order of `memory`, from the
+    same names; None: nothing has happened to it either."""
 
     def tension(
         self, motion: Motion, values: Values, memory: Values, dt: float
@@ -80,14 +85,33 @@ class AxialForce(PairForce, ABC):
             return result, {}
         return result[0], dict(zip(self.memory, result[1:], strict=True))
 
-    def rest_memory(self, motion: Motion) -> dict[str, Tensor]:
-        """What the edges remember before anything has happened."""
-        like = motion.over(motion.length, self.where)
-        return {name: torch.full_like(like, value) for name, value in self.memory.items()}
+    def rest_memory(
+        self, length: Float[Tensor, "*b e"], rest_length: Float[Tensor, "*r e"], values: Values
+    ) -> dict[str, Tensor]:
+        """What edges remember that have long been so long [m]."""
+        settled = type(self).settled
+        if settled is None:
+            return self._fresh(length)
+        known = {**values, "length": length, "rest_length": rest_length}
+        found = settled(**{name: known[name] for name in arguments(settled)})
+        return dict(zip(self.memory, found, strict=True))
+
+    def rest_tension(
+        self, length: Float[Tensor, "*b e"], rest_length: Float[Tensor, "*r e"], values: Values
+    ) -> Float[Tensor, "*b e"]:
+        """Tension [N] of edges that have long been so long [m]."""
+        known = {**values, **self.rest_memory(length, rest_length, values)}
+        known |= {"length": length, "rest_length": rest_length, "rate": torch.zeros_like(length)}
+        known["dt"] = torch.zeros_like(length)
+        law = type(self).law
+        found = law(**{name: known[name] for name in arguments(law)})
+        tension: Tensor = found[0] if self.memory else found
+        return tension
 
     def edge_force(self, motion: Motion, values: Values) -> Float[Tensor, "*b e 3"]:
         """The tension along the axis, of an edge that remembers nothing yet."""
-        tension, _ = self.tension(motion, values, self.rest_memory(motion), 0.0)
+        fresh = self._fresh(motion.over(motion.length, self.where))
+        tension, _ = self.tension(motion, values, fresh, 0.0)
         return tension.unsqueeze(-1) * motion.over(motion.axis, self.where, dim=-2)
 
     def energy(self, motion: Motion, values: Values) -> Float[Tensor, "*b"] | None:
@@ -97,6 +121,9 @@ class AxialForce(PairForce, ABC):
             return None
         energies: Tensor = self._evaluate(potential, motion, values, 0.0)
         return energies.sum(-1)
+
+    def _fresh(self, like: Tensor) -> dict[str, Tensor]:
+        return {name: torch.full_like(like, value) for name, value in self.memory.items()}
 
     def _evaluate(self, law: Law, motion: Motion, known: Values, dt: float) -> Scalar:
         def look_up(name: str) -> Scalar:

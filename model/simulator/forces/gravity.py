@@ -23,6 +23,7 @@ class Gravity(ForceTerm):
     """
 
     name = "gravity"
+    steady = True
     constants: ClassVar[Mapping[str, Constant]] = {
         "gravity": Constant("m/s^2", "vector", (-9.81, 9.81), positive=False)
     }

@@ -1,6 +1,7 @@
 """Tensions at rest, against statics."""
 
 import numpy as np
+import pytest
 
 from model.gap.prestress import RELUCTANCE, resting
 
@@ -69,3 +70,37 @@ def test_springs_that_only_pull_do_no_more_than_is_asked_for():
     assert (found.tensions > 0.0).any()
     assert wanted.max() < 1e-9
     np.testing.assert_allclose(wanted[found.tensions > 0.0], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("presses", [True, False])
+def test_more_weight_is_borne_as_if_it_had_been_there(presses):
+    """What a load adds is linear as long as no other springs go slack."""
+    rng = np.random.default_rng(4)
+    points = np.stack([*np.meshgrid(0.1 * np.arange(4), 0.1 * np.arange(5), indexing="ij")], -1).reshape(
+        -1, 2
+    )
+    points = np.stack([points[:, 0], 0.01 * rng.normal(size=20), -points[:, 1]], -1)
+    springs = np.argwhere(np.triu(np.linalg.norm(points[:, None] - points[None], axis=-1) < 0.15, 1))
+    weights = np.tile([0.0, 0.0, -1.0], (20, 1))
+    bearing = (points[:, 2] > -0.01).astype(float)
+    loads = np.zeros((2, 20, 3))
+    loads[:, :, 2] = -0.01 * rng.uniform(0.5, 1.0, (2, 20))
+    rest = resting(points, springs, weights, bearing, presses=presses)
+    tensions, supports = rest.more(loads)
+    for load, pulls, borne in zip(loads, tensions, supports, strict=True):
+        heavier = resting(points, springs, weights + load, bearing, presses=presses)
+        scale = np.abs(heavier.tensions - rest.tensions).max()
+        np.testing.assert_allclose(rest.tensions + pulls, heavier.tensions, atol=0.02 * scale)
+        np.testing.assert_allclose(rest.supports + borne, heavier.supports, atol=0.02 * scale)
+
+
+def test_a_chain_bears_a_load_that_is_hung_on_it():
+    """Every piece above it, and none below."""
+    points = np.stack([np.zeros(6), np.zeros(6), -0.1 * np.arange(6)], -1)
+    springs = np.stack([np.arange(5), np.arange(1, 6)], -1)
+    load = np.zeros((1, 6, 3))
+    load[0, 3, 2] = -7.0
+    rest = resting(points, springs, np.tile([0.0, 0.0, -2.0], (6, 1)), (np.arange(6) == 0).astype(float))
+    tensions, supports = rest.more(load)
+    np.testing.assert_allclose(tensions[0], [7.0, 7.0, 7.0, 0.0, 0.0], atol=0.15)
+    np.testing.assert_allclose(supports[0, 0], [0.0, 0.0, 7.0], atol=0.15)

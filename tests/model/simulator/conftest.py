@@ -98,9 +98,10 @@ def force_of():
         motion = dynamics.motion(state, anchors)
         if not getattr(term, "memory", None):
             return term.force(motion, values)
+        fresh = dict.fromkeys(term.memory, torch.zeros_like(motion.over(motion.length, term.where)))
         remembered = {
             name: value + torch.linspace(0.01, 0.03, value.numel(), dtype=value.dtype)
-            for name, value in term.rest_memory(motion).items()
+            for name, value in fresh.items()
         }
         tension, _ = term.tension(motion, values, remembered, 1e-3)
         pull = tension.unsqueeze(-1) * motion.over(motion.axis, term.where, dim=-2)
