@@ -2,11 +2,16 @@
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
 
 from model.gap.bodies.guess import Shape
 from model.simulator.structure import cells, faces
 from model.types import Array
 
+MISSED = 0.2
+"""Share of the points that no piece reaches where pieces say little of the rest: a net is irregular there."""
+AROUND = 4
+"""Nearest points, whose distance says how much is around a point."""
 LEAST, MOST = 0.3, 3.0
 """Of the median: what has hardly any mass would need fine steps in time."""
 
@@ -19,7 +24,8 @@ def shares(
     Points on the surface have less around them than those within: were all as heavy, a block would be as hard
     to turn as one that is a fifth larger. What is left of that, since corners are farther out than the piece
     between them, is made up for by as small a change as can be: middle and second moments are those of
-    the pieces.
+    the pieces. A net so irregular that its pieces leave out many points has as much around each as its
+    nearest are far.
 
     Args:
         points: At rest [m].
@@ -32,12 +38,21 @@ def shares(
     np.add.at(share, pieces, measure[:, None])
     if shape == "rope":  # points that are seen are seldom its very ends
         share *= np.where(np.bincount(springs.ravel(), minlength=len(points)) == 1, 2.0, 1.0)
-    usual = float(np.median(share[share > 0.0])) if len(pieces) else 1.0
+    if shape == "sheet" and (share == 0.0).mean() > MISSED:
+        share, pieces = _around(points), pieces[:0]
+    usual = float(np.median(share[share > 0.0])) if (share > 0.0).any() else 1.0
     if shape != "rope" and len(pieces):
         share = _as_hard_to_turn(share, points, pieces, measure)
     share = np.clip(share, LEAST * usual, MOST * usual)
     whole: Float64[Array, " P"] = share / share.sum()
     return whole
+
+
+def _around(points: Float64[Array, "P 3"]) -> Float64[Array, " P"]:
+    """Of a sheet, square of how far the nearest points are on average."""
+    near = cKDTree(points).query(points, k=min(AROUND + 1, len(points)))[0][:, 1:]
+    around: Float64[Array, " P"] = near.mean(1) ** 2
+    return around
 
 
 def _as_hard_to_turn(

@@ -79,3 +79,12 @@ def test_points_in_nothing_have_a_little():
     """A point that no piece reaches has mass all the same; and where there is none all have as much."""
     points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.0, 0.1, 0], [0.1, 0.1, 0.1]])
     np.testing.assert_allclose(shares(points, pairs_within(points, 1.0, 3), "solid", 0.1), 0.25)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_irregular_net_weighs_where_it_is(seed):
+    """Of markers here and there on a sheet few are in a triangle: those are not all of its mass."""
+    rng = np.random.default_rng(seed)
+    points = np.stack([*rng.uniform(0.0, 0.3, (2, 30)), np.zeros(30)], -1)
+    share = shares(points, pairs_within(points, 0.1, 6), "sheet", 0.05)
+    assert np.linalg.norm((share[:, None] * points).sum(0) - [0.15, 0.15, 0.0]) < 0.03
