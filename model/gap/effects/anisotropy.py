@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import ClassVar
 
+import numpy as np
 import torch
 
 from model.gap.effects.base import (
@@ -129,5 +130,8 @@ class Anisotropy(Effect):
         )
 
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
-        """Fibres in another direction."""
-        return {**values, "azimuth": wrapped(values["azimuth"] + angle)}
+        """Fibres in another direction; of their two ends the one that is far from the bounds of azimuth."""
+        azimuth, elevation = wrapped(values["azimuth"] + angle), values["elevation"]
+        if abs(azimuth) > 0.5 * np.pi:
+            azimuth, elevation = wrapped(azimuth + np.pi), -elevation
+        return {**values, "azimuth": azimuth, "elevation": elevation}

@@ -41,3 +41,21 @@ def test_no_spring_lies_along_fibres_that_stand_on_it(fan):
     known = {name: torch.tensor(value, dtype=torch.float64) for name, value in values.items()}
     alignment = Anisotropy().apply(fan, known).simulator.force("anisotropy").value("alignment")
     np.testing.assert_allclose(alignment.numpy(), 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("angle", np.linspace(-3.1, 3.1, 9))
+def test_turned_fibres_are_the_same_axis_far_from_the_bounds(fan, angle):
+    """A fibre has two ends: a fit that begins with the one beside a bound could not turn it past that."""
+    effect = Anisotropy()
+    values = {"excess": 3.0, "azimuth": 1.05, "elevation": 0.9, "sharpness": 2.0}
+    turned = effect.turned(values, angle)
+    assert abs(turned["azimuth"]) <= np.pi / 2 + 1e-9
+    found, expected = (
+        effect.apply(fan, {name: torch.tensor(value, dtype=torch.float64) for name, value in each.items()})
+        for each in (turned, {**values, "azimuth": values["azimuth"] + angle})
+    )
+    torch.testing.assert_close(
+        *(world.simulator.force("anisotropy").value("alignment") for world in (found, expected)),
+        atol=1e-9,
+        rtol=1e-9,
+    )
