@@ -1,6 +1,7 @@
 """Twins with effects that are as much at rest in their first frame as they were without them."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -23,6 +24,30 @@ SHORTEST, LONGEST = 0.3, 1.25
 bear what it is asked to only if it were much longer."""
 
 
+@dataclass(frozen=True)
+class Eased:
+    """What a world with effects needs to be at rest in its first frame."""
+
+    rest_length: Float[Tensor, "*b E"] | None
+    """Of its springs [m]; None: as they are."""
+    farther: Float[Tensor, "*b H 3"] | None = None
+    """How much farther from what they hold the springs of its hand end [m]; None: as they do."""
+
+    def __call__(self, world: World) -> World:
+        """The world so, whichever of its effects it has yet."""
+        if self.rest_length is not None:
+            world = world.with_system(world.system.with_values(rest_length=self.rest_length))
+        if self.farther is not None and world.controls is not None:
+            world = replace(world, controls=displaced(world.controls, self.farther))
+        return world
+
+
+def displaced(controls: Float[Tensor, "T *b H 3"], by: Float[Tensor, "*c H 3"]) -> Float[Tensor, "T *d H 3"]:
+    """Controllers that are somewhere else all the time [m], in each of many worlds maybe."""
+    each = controls.unsqueeze(1) if by.ndim == controls.ndim else controls
+    return each + by.to(controls.dtype)
+
+
 def weighing_more(before: World, after: World) -> Float[Tensor, "*b P 3"] | None:
     """What pulls more at points that do not move [N], as weight and wind; None: nothing does.
 
@@ -31,9 +56,7 @@ def weighing_more(before: World, after: World) -> Float[Tensor, "*b P 3"] | None
         after: The same with effects.
     """
     were = {id(term) for term in _steady(before)}
-    others = [term for term in _steady(after) if id(term) not in were]
-    heavier = before.system is not after.system
-    if not others and not heavier:
+    if before.system is after.system and all(id(term) in were for term in _steady(after)):
         return None
     more = _pull(after) - _pull(before)
     return more if bool(more.any()) else None
@@ -41,8 +64,8 @@ def weighing_more(before: World, after: World) -> Float[Tensor, "*b P 3"] | None
 
 def balanced(
     before: World, after: World, length: Float[Tensor, " E"], more: Float[Tensor, "*b E"] | None = None
-) -> World:
-    """The world with such rest lengths that its springs pull in the first frame as they did, and `more` [N].
+) -> Float[Tensor, "*b E"] | None:
+    """Rest lengths with which springs pull in the first frame as they did, and `more` [N]; None: as they are.
 
     Of springs that have long been as long as they are there: what relaxes has done so.
 
@@ -54,10 +77,9 @@ def balanced(
     """
     were = {id(term) for term in _springy(before)}
     if more is None and all(id(term) in were for term in _springy(after)):
-        return after
+        return None
     rest = before.system.value("rest_length").double()
     wanted = _tension(before, length, rest) + (0.0 if more is None else more)
-    rest = rest.expand((wanted + _tension(after, length, rest)).shape)
     for _ in range(ROUNDS):
         now = _tension(after, length, rest)
         if torch.allclose(now, wanted, rtol=NEAR, atol=0.0):
@@ -65,7 +87,7 @@ def balanced(
         slope = (_tension(after, length, (1.0 + APART) * rest) - now) / (APART * rest)
         step = torch.where(slope < 0.0, (wanted - now) / slope, 0.0)
         rest = torch.minimum(torch.maximum(rest + step, SHORTEST * length), LONGEST * length)
-    return after.with_system(after.system.with_values(rest_length=rest))
+    return rest
 
 
 def _springy(world: World) -> Iterator[AxialForce]:

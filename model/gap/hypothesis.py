@@ -67,7 +67,7 @@ class Hypothesis:
         for effect in self.effects:
             strength = {name: known[f"{effect.name}.{name}"] for name in effect.quantities}
             world = effect.apply(world, strength, self.where)
-        return self.twin.at_rest(plain, world, own)
+        return self.twin.eased(plain, world, own)(world) if self.effects else plain
 
     def at(self, values: Mapping[str, float]) -> World:
         """The one world of these values."""

@@ -10,7 +10,7 @@ from jaxtyping import Float, Float64, Int64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from model.gap.balanced import balanced, weighing_more
+from model.gap.balanced import SHORTEST, Eased, balanced, displaced, weighing_more
 from model.gap.bodies.aside import Skin
 from model.gap.bodies.body import Body
 from model.gap.bodies.grip import held_places, idle_hands
@@ -30,8 +30,6 @@ from model.types import Array, Observation
 
 Values: TypeAlias = Mapping[str, Tensor]
 
-SHORTEST = 0.3
-"""No rest length is below this share of the length in the first frame."""
 FARTHEST = 0.5
 """Grasps: no spring of a hand is stretched by more than this in the first frame."""
 DAMPED, DAMPED_ROPE = 0.4, 1.0
@@ -224,27 +222,25 @@ class PlainTwin:
         # another recording may have no ground, or nothing that holds the object
         return carrying_able(world, self.carried)
 
-    def at_rest(self, plain: World, world: World, values: Values) -> World:
-        """A world with effects as much at rest in the first frame as the plain one of these values is.
+    def eased(self, plain: World, world: World, values: Values) -> Eased:
+        """What puts a world with effects as much at rest in the first frame as the plain one of these values.
 
         Its springs pull there as they do in that one, and bear what weighs on it more; so does the hand.
         """
         weights, length = weighing_more(plain, world), self._first_length
         if weights is None:
-            return balanced(plain, world, length)
+            return Eased(balanced(plain, world, length))
         worlds = weights.reshape(-1, *weights.shape[-2:])
         tensions, supports = (torch.from_numpy(each) for each in self.rest.more(worlds.numpy()))
         if self.matter.slackness:
             tensions = tensions.clamp_min(-torch.from_numpy(self.rest.tensions))
         if weights.ndim == worlds.ndim - 1:
             tensions, supports = tensions[0], supports[0]
-        world = balanced(plain, world, length, values["prestress"] * tensions)
+        rest = balanced(plain, world, length, values["prestress"] * tensions)
         if world.controls is None or self.hand_known:
-            return world
+            return Eased(rest)
         known = torch.from_numpy(self.rest.supports)
-        farther = self._beyond(values, known + supports) - self._beyond(values, known)
-        controls = world.controls.unsqueeze(1) if farther.ndim == world.controls.ndim else world.controls
-        return replace(world, controls=controls + farther.to(controls.dtype))
+        return Eased(rest, self._beyond(values, known + supports) - self._beyond(values, known))
 
     @property
     def _first_length(self) -> Float[Tensor, " E"]:
@@ -270,8 +266,7 @@ class PlainTwin:
         if self.hand_known:
             return controls
         controls = self._hands.displaced(controls, values, self.observation.times)
-        beyond = self._beyond(values, torch.from_numpy(self.rest.supports)).to(dtype)
-        return (controls.unsqueeze(1) if beyond.ndim == controls.ndim else controls) + beyond
+        return displaced(controls, self._beyond(values, torch.from_numpy(self.rest.supports)))
 
     def _beyond(self, values: Values, supports: Float[Tensor, "*s P 3"]) -> Float[Tensor, "*b H 3"]:
         """How far the ends of the springs of the hand are from what they hold [m], to bear this [N]."""

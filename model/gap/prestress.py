@@ -103,8 +103,7 @@ def resting(
     columns = np.concatenate([columns, len(springs) + np.arange(3 * len(held))])
     entries = np.concatenate([entries, np.repeat(firm, 3)])
     shape = 3 * len(points), len(springs) + 3 * len(held)
-    balance = coo_matrix((entries, (rows, columns)), shape=shape)
-    balance = balance.tocsr()
+    balance = coo_matrix((entries, (rows, columns)), shape=shape).tocsr()
     if presses:
         found = lsqr(balance, -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
     else:

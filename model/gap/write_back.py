@@ -19,7 +19,6 @@ from model.gap.bodies.first import first_places
 from model.gap.by_graph import by_graph
 from model.gap.carried import CATALOGUE, carrying_able, record_of, values_of
 from model.gap.diagnosis import Diagnosis
-from model.gap.effects.actuation_delay import ActuationDelay
 from model.gap.effects.bending_stiffness import BendingStiffness
 from model.gap.effects.tension_only import TensionOnly
 from model.gap.given import MOST, given_twin
@@ -188,12 +187,7 @@ def _world(
     known = {name: value.double() for name, value in values.items()}
     with torch.no_grad():
         world = plain.world(known)
-        still = [one for one in effects if one.name != ActuationDelay.name]
-        full = plain.at_rest(world, carrying_able(world, still), known)
-    return replace(
-        world.with_system(world.system.with_values(rest_length=full.system.value("rest_length"))),
-        controls=full.controls,
-    )
+        return plain.eased(world, carrying_able(world, effects), known)(world)
 
 
 def _refitted(twin: TwinBundle, mechanics: Mechanics, same_hand: bool) -> TwinBundle:

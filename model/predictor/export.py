@@ -2,7 +2,6 @@
 
 import shutil
 from pathlib import Path
-from typing import Any
 
 import torch
 from pytorch_lightning import Callback, LightningModule, Trainer
@@ -12,7 +11,6 @@ from pytorch_lightning.loggers import CSVLogger
 from model.formats.files import replacing
 from model.predictor.calibration import calibrate
 from model.predictor.checkpoint import About, save_predictor
-from model.predictor.datamodule import CaseDataModule
 from model.predictor.epochs import figures_of
 from model.predictor.module import PredictorModule
 
@@ -43,9 +41,8 @@ class Export(Callback):
         trainer.strategy.barrier("export")
 
     def _write(self, trainer: Trainer, pl_module: LightningModule, path: Path) -> None:
-        data: Any = trainer.datamodule  # type: ignore[attr-defined]
         assert isinstance(pl_module, PredictorModule)
-        assert isinstance(data, CaseDataModule)
+        data = pl_module.cases
         best = trainer.checkpoint_callback
         # of these weights, or of none: a training may end between validations
         figures = figures_of(trainer) if self._validated == trainer.global_step else {}

@@ -165,7 +165,7 @@ class PredictorModule(LightningModule):
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Say which motion encoder the weights know."""
-        checkpoint[ENCODER] = tuple(self._data().encoder.identity)
+        checkpoint[ENCODER] = tuple(self.cases.encoder.identity)
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """See that the data's motion encoder is the checkpoint's, and that its weights are numbers.
@@ -182,14 +182,16 @@ class PredictorModule(LightningModule):
             )
 
     def _check_encoder(self, what: str, theirs: EncoderIdentity) -> None:
-        given = self._data().encoder.identity
+        given = self.cases.encoder.identity
         if given != theirs:
             raise InputError(
                 f"{what} was trained with motion encoder {theirs}, data.encoder is {given}: give the "
                 "configuration that it was trained with"
             )
 
-    def _data(self) -> CaseDataModule:
+    @property
+    def cases(self) -> CaseDataModule:
+        """What it is trained on, judged by or asked about."""
         data = self.trainer.datamodule  # type: ignore[attr-defined]
         assert isinstance(data, CaseDataModule)
         return data
@@ -198,7 +200,7 @@ class PredictorModule(LightningModule):
         """Fit the scales of the inputs to the training set, unless training goes on from somewhere."""
         if self._start is not None or self.trainer.ckpt_path is not None:
             return
-        self.network.standardise([sample.to(self.device) for sample in self._data().typical()])
+        self.network.standardise([sample.to(self.device) for sample in self.cases.typical()])
 
     def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
         """Dropout depends on epoch and batch, not on what was drawn before."""

@@ -93,8 +93,7 @@ class AxialForce(PairForce, ABC):
         if settled is None:
             return self._fresh(length)
         known = {**values, "length": length, "rest_length": rest_length}
-        found = settled(**{name: known[name] for name in arguments(settled)})
-        return dict(zip(self.memory, found, strict=True))
+        return dict(zip(self.memory, _asked(settled, known.__getitem__), strict=True))
 
     def rest_tension(
         self, length: Float[Tensor, "*b e"], rest_length: Float[Tensor, "*r e"], values: Values
@@ -103,8 +102,7 @@ class AxialForce(PairForce, ABC):
         known = {**values, **self.rest_memory(length, rest_length, values)}
         known |= {"length": length, "rest_length": rest_length, "rate": torch.zeros_like(length)}
         known["dt"] = torch.zeros_like(length)
-        law = type(self).law
-        found = law(**{name: known[name] for name in arguments(law)})
+        found = _asked(type(self).law, known.__getitem__)
         tension: Tensor = found[0] if self.memory else found
         return tension
 
@@ -131,7 +129,12 @@ class AxialForce(PairForce, ABC):
                 return known[name]
             return dt if name == "dt" else motion.over(getattr(motion, name), self.where)
 
-        return law(**{name: look_up(name) for name in arguments(law)})
+        return _asked(law, look_up)
+
+
+def _asked(law: Law, look_up: Callable[[str], Scalar]) -> Scalar:
+    """What a law says of what it asks for."""
+    return law(**{name: look_up(name) for name in arguments(law)})
 
 
 @cache
