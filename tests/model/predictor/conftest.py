@@ -46,3 +46,13 @@ def case_folder(make_case, tmp_path_factory) -> Path:
         save_case(case, folder / f"{case.name}.case.npz")
     write_index(folder, seed=0)
     return folder
+
+
+@pytest.fixture(scope="session")
+def trained(case_folder, tmp_path_factory):
+    """A run of two epochs of the quick configuration."""
+    from tests.model.predictor.quick import fit
+
+    out = tmp_path_factory.mktemp("trained")
+    assert fit(case_folder, out, epochs=2) == 0
+    return out / "run-0"

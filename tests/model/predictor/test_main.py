@@ -2,46 +2,22 @@
 
 import csv
 import json
-import shutil
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 import yaml
 
-from model.encoders.kinematic import KinematicEncoder
 from model.predictor.checkpoint import load_predictor
 from model.predictor.held_out import HeldOut
 from model.predictor.main import main
-from model.predictor.module import ENCODER, PredictorModule
+from model.predictor.module import PredictorModule
 from model.predictor.trained import SHIPPED
 from model.scenes.files import INDEX, write_index
+from tests.model.predictor.quick import CONFIGS, SMALL, common, fit
 
-CONFIGS = Path(__file__).parents[3] / "configs"
 ABLATIONS = sorted(path.stem for path in CONFIGS.glob("without_*.yaml"))
-SMALL = [
-    *("--data.objects=0", "--data.batch_size=2", "--data.workers=1", "--data.validation_share=0.4"),
-    *("--model.rollouts.warm_up=0", "--model.rollouts.per_batch=1", "--model.rollouts.first_horizon=3"),
-    *(
-        "--model.rollouts.last_horizon=4",
-        "--model.rollouts.validated=1",
-        "--trainer.enable_progress_bar=false",
-    ),
-    *("--trainer.enable_model_summary=false", "--trainer.accelerator=cpu"),
-]
-
-
-def fit(folder, out, *arguments, configs=("quick",), epochs=1):
-    """Train with shipped configurations on a few cases."""
-    given = [f"--config={CONFIGS / name}.yaml" for name in configs]
-    return main(
-        [
-            *("fit", *given, f"--data.folder={folder}", f"--out={out}", *SMALL),
-            *(f"--trainer.max_epochs={epochs}", "--trainer.check_val_every_n_epoch=1", *arguments),
-        ]
-    )
 
 
 def figures(run):
@@ -51,14 +27,6 @@ def figures(run):
         for row in csv.DictReader(file):
             found |= {name: float(value) for name, value in row.items() if value}
     return found
-
-
-@pytest.fixture(scope="session")
-def trained(case_folder, tmp_path_factory):
-    """A run of two epochs of the quick configuration."""
-    out = tmp_path_factory.mktemp("trained")
-    assert fit(case_folder, out, epochs=2) == 0
-    return out / "run-0"
 
 
 def test_training_leaves_logs_checkpoints_a_predictor_and_its_card(trained):
@@ -271,8 +239,7 @@ def test_bad_input_is_one_line_and_2(arguments, says, case_folder, tmp_path, mon
     monkeypatch.chdir(tmp_path)
     given = arguments
     if arguments and arguments[0] != "frobnicate":
-        common = [f"--data.folder={case_folder}", f"--out={tmp_path}"]
-        given = [arguments[0], f"--config={CONFIGS / 'quick.yaml'}", *common, *SMALL, *arguments[1:]]
+        given = [arguments[0], *common(case_folder, tmp_path), *arguments[1:]]
     assert main(given) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("matphys:")]
     assert len(lines) == 1
@@ -303,121 +270,13 @@ def test_an_unknown_key_of_a_configuration_is_named(tmp_path, case_folder, capsy
     assert "batchsize" in capsys.readouterr().err
 
 
-def test_it_does_not_start_from_another_network(trained, case_folder, tmp_path, capsys):
-    start = f"--model.start={trained / 'predictor.safetensors'}"
-    assert fit(case_folder, tmp_path, start, "--model.network.dim=48") == 2
-    said = capsys.readouterr().err
-    assert "model.network.dim 32" in said
-    assert "it is 48" in said
-
-
-def test_a_checkpoint_of_another_network_is_refused_in_one_line(trained, case_folder, tmp_path, capsys):
-    other = f"--ckpt_path={trained / 'checkpoints' / 'best.ckpt'}"
-    common = [
-        f"--config={CONFIGS / 'quick.yaml'}",
-        f"--data.folder={case_folder}",
-        f"--out={tmp_path}",
-        *SMALL,
-    ]
-    assert main(["validate", *common, other, "--model.network.dim=48"]) == 2
-    assert "the checkpoint is of another network" in capsys.readouterr().err
-
-
-def _start(trained, kind):
-    """Options to start from what was trained."""
-    files = {"ckpt_path": "checkpoints/best.ckpt", "model.start": "predictor.safetensors"}
-    return f"--{kind}={trained / files[kind]}"
-
-
-def _common(folder, out):
-    return [f"--config={CONFIGS / 'quick.yaml'}", f"--data.folder={folder}", f"--out={out}", *SMALL]
-
-
-@pytest.mark.parametrize("kind", ["ckpt_path", "model.start"])
-@pytest.mark.parametrize("command", ["fit", "predict"])
-def test_weights_of_another_motion_encoder_are_refused(
-    command, kind, trained, case_folder, tmp_path, monkeypatch, capsys
-):
-    """As wide as the one in training, and of another version."""
-    version = KinematicEncoder.version
-    monkeypatch.setattr(KinematicEncoder, "version", "next")
-    assert main([command, *_common(case_folder, tmp_path), _start(trained, kind)]) == 2
-    said = capsys.readouterr().err
-    assert kind in said
-    assert f"was trained with motion encoder kinematic {version}, data.encoder is kinematic next" in said
-
-
-def _changed(trained, path, change):
-    """A checkpoint of the training, changed."""
-    content = torch.load(trained / "checkpoints" / "best.ckpt", weights_only=True)
-    change(content)
-    torch.save(content, path)
-    return f"--ckpt_path={path}"
-
-
-def test_a_checkpoint_of_before_that_does_not_say_its_encoder_is_taken(trained, case_folder, tmp_path):
-    given = _changed(trained, tmp_path / "old.ckpt", lambda content: content.pop(ENCODER))
-    assert main(["predict", *_common(case_folder, tmp_path), given]) == 0
-
-
-@pytest.mark.parametrize("command", ["fit", "validate", "test", "predict"])
-def test_a_checkpoint_of_what_diverged_is_refused_in_one_line(
-    command, trained, case_folder, tmp_path, capsys
-):
-    def ruin(content):
-        next(iter(content["state_dict"].values())).view(-1)[0] = torch.nan
-
-    given = _changed(trained, tmp_path / "ruined.ckpt", ruin)
-    assert main([command, *_common(case_folder, tmp_path), given]) == 2
-    assert "--ckpt_path: weights that are NaN or infinite" in capsys.readouterr().err
-
-
-def _no_lightning(content):
-    content.pop("pytorch-lightning_version")
-
-
-def _no_optimiser(content):
-    content.pop("optimizer_states")
-
-
-def _no_tensors(content):
-    content["state_dict"] = {"weight": "none"}
-
-
-@pytest.mark.parametrize(
-    "write",
-    [
-        lambda trained, path: torch.save({"a": 1}, path),
-        lambda trained, path: torch.save([1, 2], path),
-        lambda trained, path: torch.save({"state_dict": {}}, path),
-        lambda trained, path: torch.save(torch.nn.Linear(1, 1), path),
-        lambda trained, path: path.write_bytes(b""),
-        lambda trained, path: path.write_bytes((trained / "checkpoints" / "best.ckpt").read_bytes()[:-999]),
-        lambda trained, path: shutil.copyfile(trained / "predictor.safetensors", path),
-        lambda trained, path: _changed(trained, path, _no_lightning),
-        lambda trained, path: _changed(trained, path, _no_optimiser),
-        lambda trained, path: _changed(trained, path, _no_tensors),
-    ],
-    ids=[
-        *("dict", "list", "bare", "module", "empty", "cut", "safetensors"),
-        *("no lightning", "no optimiser", "no tensors"),
-    ],
-)
-def test_a_file_that_is_no_checkpoint_is_refused_in_one_line(write, trained, case_folder, tmp_path, capsys):
-    path = tmp_path / "other.ckpt"
-    write(trained, path)
-    assert main(["validate", *_common(case_folder, tmp_path), f"--ckpt_path={path}"]) == 2
-    said = capsys.readouterr().err
-    assert "--ckpt_path: expected a checkpoint that `fit` has written, found another file" in said
-
-
 @pytest.mark.parametrize("command", ["predict", "test"])
 def test_a_folder_without_cases_is_refused(command, trained, case_folder, tmp_path, capsys):
     empty = tmp_path / "empty"
     empty.mkdir()
     write_index(empty, seed=0)
-    given = [f"--data.test_folder={empty}", _start(trained, "model.start")]
-    assert main([command, *_common(case_folder, tmp_path), *given]) == 2
+    given = [f"--data.test_folder={empty}", f"--model.start={trained / 'predictor.safetensors'}"]
+    assert main([command, *common(case_folder, tmp_path), *given]) == 2
     assert f"{empty / INDEX}: names no cases: expected at least one" in capsys.readouterr().err
 
 
