@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64
 
+from model.encoders.frame_rate import at_frame_rate
 from model.encoders.motion import GLOBALS, EncodedMotion, MotionClip, MotionEncoder, ReferenceMotion
 from model.encoders.response import BEFORE, Answer, explain, spreads_before
 from model.encoders.seen import Look, across, looks, surroundings
@@ -37,6 +38,8 @@ class KinematicEncoder(MotionEncoder):
     constants, with its spread, per look; the modulus that fits it best in the sweep. Per clip: the same for
     dashpot, drag, friction and restitution; errors against the sweep by time; how the object moved.
 
+    Clips of another frame rate are described as if filmed `FRAME_RATE` times a second.
+
     All moduli are ln E/ρ [m²/s²] over `WIDTH` around `MIDDLE`: a prior's modulus over its density compares.
     """
 
@@ -59,7 +62,8 @@ class KinematicEncoder(MotionEncoder):
         """
         if clip.references is None:
             raise InputError(f"{self.name} motion encoder: the clip comes without twins of reference")
-        seen = _Seen(clip, clip.references)
+        clip, references = at_frame_rate(clip, clip.references)
+        seen = _Seen(clip, references)
         answers = {name: seen.explained(name) for name in LOOKS}
         points = np.concatenate([seen.profiles(), seen.local(), seen.moved()], axis=1)
         parts = np.stack([self._part(seen, answers, k) for k in range(clip.parts)])

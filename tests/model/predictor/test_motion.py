@@ -171,3 +171,20 @@ def test_a_hand_that_jerks_neither_warns_nor_breaks(soft):
 def test_too_few_frames_are_refused(soft):
     with pytest.raises(InputError, match="at least 4 of the 24"):
         describe(soft, frames=3)
+
+
+@pytest.mark.parametrize("thinned", [2, 3])
+def test_a_film_of_fewer_frames_a_second_says_the_same(thinned, make_case):
+    case = make_case(seed=1, modulus=(3e3, 3e3), frames=60, noise=5e-4)
+    seen = case.observation
+    fewer = replace(
+        seen,
+        times=seen.times[::thinned],
+        points=seen.points[::thinned],
+        controllers=seen.controllers[::thinned],
+    )
+    all_frames = describe(case, frames=49)
+    some = describe(case, observation=fewer, frames=48 // thinned + 1)
+    # how far, fast and jerkily it moved, how it bent, its size, how much of a fall a frame is
+    np.testing.assert_allclose(some.whole[-7:], all_frames.whole[-7:], atol=0.2)
+    np.testing.assert_allclose(np.log(moduli(case, some)), np.log(moduli(case, all_frames)), atol=0.4)
