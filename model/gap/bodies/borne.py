@@ -2,13 +2,15 @@
 
 One camera sees one side of a solid, and that is as thin as a cloth. But a cloth at rest hangs from hands, or
 lies on the ground: between them its weight bends it upward at its rims, as a hammock. What bulges upward well
-above the ground, where no hand is, pushes from below.
+above the ground, where no hand is, pushes from below, unless a taut fold of it between two hands bears it, as
+a line does what hangs over it.
 """
 
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
+from model.gap.bodies.tension import STANDS, unsupported
 from model.gap.bodies.unheld import off_the_ground, unheld
 from model.gap.size import size_of
 from model.types import Array, Observation
@@ -25,7 +27,7 @@ BENT = 0.3
 
 
 def is_borne(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
-    """Whether more of it bulges than sags, where only its inside can bear it.
+    """Whether more of it bulges than sags, where only its inside can bear it: no tension holds that up.
 
     Args:
         observation: Whose ground and hands count.
@@ -35,10 +37,14 @@ def is_borne(observation: Observation, places: Float64[Array, "N 3"]) -> bool:
     if ground is None or len(places) < PATCH or size <= 0.0:
         return False
     middles, curvature = _upward(places)
-    asked = unheld(observation, places) & off_the_ground(places, ground) & (np.abs(middles) > LEVEL)
+    loose = unheld(observation, places) & off_the_ground(places, ground)
+    asked = loose & (np.abs(middles) > LEVEL)
     limit = 2.0 * BENT / size
     up, down = (asked & (side * curvature > limit) for side in (-1.0, 1.0))
-    return bool(up.mean() - down.mean() > BORNE)
+    weighs = np.asarray(observation.gravity, np.float64)
+    if up.mean() - down.mean() <= BORNE or not weighs.any():
+        return False
+    return unsupported(places, loose, weighs) > STANDS
 
 
 def _upward(places: Float64[Array, "N 3"]) -> tuple[Float64[Array, " N"], Float64[Array, " N"]]:

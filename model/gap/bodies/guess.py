@@ -9,6 +9,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.distance import pdist
 
 from model.gap.bodies.path import along, spanning_tree
+from model.gap.bodies.unrolled import unrolled
 from model.gap.size import size_of
 from model.types import Array
 
@@ -67,11 +68,13 @@ def guess_shape(places: Float64[Array, "N 3"]) -> Shape:
     except QhullError:
         return "sheet"
     thickness = 2.0 * hull.volume / hull.area / np.sqrt(hull.area / 2.0)
-    if thickness < THIN or thickness > THICK:
-        return "sheet" if thickness < THIN else "solid"
+    if thickness < THIN:
+        return "sheet"
     reach = cKDTree(places).query(places, k=AROUND)[0][:, -1]
     surface = float((np.pi * reach**2 / AROUND).sum())
-    return "solid" if surface > CLOSED * hull.area or backed(places) > BACKED else "sheet"
+    around = thickness > THICK or surface > CLOSED * hull.area or backed(places) > BACKED
+    # two halves of a cloth that sags between hands face each other; but no skin of a solid unrolls
+    return "solid" if around and unrolled(places) is None else "sheet"
 
 
 def _of_markers(places: Float64[Array, "N 3"]) -> Shape:

@@ -56,6 +56,22 @@ def test_knows_what_it_sees(name, request):
     assert body_of(seen(places)).shape == name
 
 
+@pytest.mark.parametrize(("between", "deep"), [(0.08, 0.14), (0.1, 0.08), (0.1, 0.2), (0.12, 0.14)])
+def test_a_cloth_that_sags_between_two_hands_is_no_solid(between, deep):
+    # two straight halves that face each other, joined by half a tube
+    radius, step = 0.5 * between, 0.022
+    way = np.arange(0.0, 2.0 * deep + np.pi * radius, step)
+    angle = np.clip((way - deep) / radius, 0.0, np.pi)
+    beyond = np.maximum(way - deep - np.pi * radius, 0.0)
+    height = np.where(way < deep, deep - way, beyond - radius * np.sin(angle))
+    across = np.arange(0.0, 0.26, step)
+    places = np.stack(np.broadcast_arrays((-radius * np.cos(angle))[:, None], across, height[:, None]), -1)
+    places = places.reshape(-1, 3) + np.random.default_rng(0).normal(0.0, 0.001, (len(way) * len(across), 3))
+    assert backed(places) > 0.7
+    assert guess_shape(places) == "sheet"
+    assert body_of(seen(places)).shape == "sheet"
+
+
 def test_what_has_limbs_is_a_solid_and_a_saddle_is_a_sheet(ball):
     sizes = [np.array([1.0, 0.6, 0.5])] + 4 * [np.array([0.5, 0.35, 0.35])]
     middles = np.array([[0, 0, 0], *[[x, y, 0] for x in (-0.1, 0.1) for y in (-0.08, 0.08)]])

@@ -1,5 +1,7 @@
 """What one camera sees of a solid is one side; a cloth is borne by nothing but hands and the ground."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,11 +65,30 @@ def test_what_hangs_from_hands_is_not(cloth):
     assert not is_borne(seen(wavy, wavy[np.abs(x) > 0.19]), wavy)
 
 
+def test_a_cloth_that_hangs_over_its_own_taut_fold_between_two_hands_is_not(cloth):
+    # a round ridge along x, its ends in the hands, and two sides that hang down
+    x, y, _ = cloth.T
+    ridge, radius = 0.4 - 0.02 * (1 - (x / 0.2) ** 2), 0.06
+    angle = np.clip(y / radius, -1.2, 1.2)
+    beyond = (np.abs(y) - 1.2 * radius).clip(0.0)
+    across = radius * np.sin(angle) + np.sign(y) * np.cos(1.2) * beyond
+    roof = np.stack([x, across, ridge - radius * (1 - np.cos(angle)) - np.sin(1.2) * beyond], -1)
+    ends = roof[(np.abs(x) > 0.19) & (np.abs(y) < 0.03)]
+    for hands in (ends, np.concatenate([ends, ends + 0.004])):
+        assert not is_borne(seen(roof, hands), roof)
+    # held by nobody it would have to stand
+    assert is_borne(seen(roof, [[0.0, 0.0, 2.0]]), roof)
+
+
 def test_a_cloth_that_a_hand_holds_by_its_middle_hangs_from_it(cloth):
     x, y, _ = cloth.T
     away = np.hypot(x, y)
     draped = np.stack([0.4 * x, 0.4 * y, 0.3 - 0.9 * np.maximum(away - 0.02, 0.0)], -1)
     assert not is_borne(seen(draped, [[0.0, 0.0, 0.3]]), draped)
+
+
+def test_without_a_weight_nothing_is_known_either(half):
+    assert not is_borne(replace(seen(half), gravity=(0.0, 0.0, 0.0)), half)
 
 
 def test_without_a_ground_nothing_is_known_of_what_bears(half):
