@@ -10,9 +10,10 @@ from jaxtyping import Float, Float64, Int64
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from model.gap.balanced import SHORTEST, Eased, balanced, displaced, weighing_more
+from model.gap.balanced import LONGEST, SHORTEST, Eased, balanced, displaced, weighing_more
 from model.gap.bodies.aside import Skin
 from model.gap.bodies.body import Body
+from model.gap.bodies.falling import falls
 from model.gap.bodies.grip import held_places, idle_hands
 from model.gap.bodies.hand import steadied
 from model.gap.carried import carrying_able
@@ -100,7 +101,10 @@ class PlainTwin:
             lying = observation.ground_height + body.above + 0.5 * body.spacing
             bearing[body.points[:, 2] < lying] = 1.0
         weights = matter.mass[:, None] * np.asarray(observation.gravity)
-        rest = resting(body.points, body.springs, weights, bearing, presses=not matter.slackness)
+        if matter.slackness and falls(observation):
+            # a cloth that nothing holds up hangs from nothing; a solid still gives way as it did when it lay
+            weights = np.zeros_like(weights)
+        rest = resting(body.points, body.springs, weights, bearing, pressing=1.0 - matter.slackness)
         return cls(body, observation, matter, rest, controls)
 
     @property
@@ -185,7 +189,9 @@ class PlainTwin:
         length = torch.from_numpy(matter.length)
         stiffness = values["stiffness"] * torch.from_numpy(matter.pattern) * self._gradient(values)
         tensions = torch.from_numpy(self.rest.tensions)
-        rest = torch.maximum(length - values["prestress"] * tensions / stiffness, SHORTEST * length)
+        bearing = torch.where(tensions < 0.0, 1.0 - matter.slackness, 1.0) * stiffness
+        rest = length - values["prestress"] * tensions / bearing
+        rest = torch.minimum(torch.maximum(rest, SHORTEST * length), LONGEST * length)
         typical = 2.0 * torch.sqrt(values["stiffness"] * float(np.median(matter.mass)))
         held = len(body.grip) > 0
         simulator = build_simulator(
@@ -232,8 +238,6 @@ class PlainTwin:
             return Eased(balanced(plain, world, length))
         worlds = weights.reshape(-1, *weights.shape[-2:])
         tensions, supports = (torch.from_numpy(each) for each in self.rest.more(worlds.numpy()))
-        if self.matter.slackness:
-            tensions = tensions.clamp_min(-torch.from_numpy(self.rest.tensions))
         if weights.ndim == worlds.ndim - 1:
             tensions, supports = tensions[0], supports[0]
         rest = balanced(plain, world, length, values["prestress"] * tensions)

@@ -5,8 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.optimize import nnls
-from scipy.sparse import coo_matrix, csr_matrix, diags, identity, vstack
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 from scipy.sparse.linalg import SuperLU, lsqr, splu
 
 from model.types import Array
@@ -15,8 +14,10 @@ RELUCTANCE = 0.02
 """How strongly small tensions are preferred, against an exact balance."""
 FIRMER = 5.0
 """A hand or the ground gives way by so much less than a spring."""
-ROUNDS = 10
-"""For each spring, at most, until tensions are found that may not be below zero."""
+ROUNDS = 100
+"""At most, until it is known which springs press."""
+LEAST_STEP = 1e-6
+"""Of a step of Newton's: so little of it gains nothing."""
 
 
 @dataclass(frozen=True)
@@ -24,24 +25,25 @@ class Balance:
     """The forces of springs and of what bears a body on its points.
 
     Columns of `matrix` are springs, then three for each point that is borne, which `held` are, as firmly
-    as `firm` says. Those of springs that are slack are empty.
+    as `firm` says; each spring's as large as the root of its `give`.
     """
 
     matrix: csr_matrix
-    springs: int
+    give: Float64[Array, " E"]
+    """Of each spring, how strongly it bears what it bears, 0..1."""
     held: Int64[Array, " h"]
     firm: Float64[Array, " h"]
 
     def more(self, weights: Float64[Array, "b P 3"]) -> tuple[Float64[Array, "b E"], Float64[Array, "b P 3"]]:
         """How much more springs and what bears them pull [N] where more weighs on the points [N].
 
-        As long as no other springs are slack than were: the same least squares, which are linear then.
+        As long as no other springs press than did: the same least squares, which are linear then.
         """
-        loads = -weights.reshape(len(weights), -1)
+        loads, springs = -weights.reshape(len(weights), -1), len(self.give)
         found = (self.matrix.T @ self._solver.solve(loads.T)).T
         supports = np.zeros_like(weights)
-        supports[:, self.held] = found[:, self.springs :].reshape(len(weights), -1, 3) * self.firm[:, None]
-        return found[:, : self.springs], supports
+        supports[:, self.held] = found[:, springs:].reshape(len(weights), -1, 3) * self.firm[:, None]
+        return found[:, :springs] * np.sqrt(self.give), supports
 
     @cached_property
     def _solver(self) -> SuperLU:
@@ -75,7 +77,7 @@ def resting(
     weights: Float64[Array, "P 3"],
     bearing: Float64[Array, " P"],
     *,
-    presses: bool = True,
+    pressing: float = 1.0,
 ) -> Rest:
     """The tensions, and the forces of what bears it, with which every point of a body is in balance.
 
@@ -89,7 +91,8 @@ def resting(
         weights: External force on each point [N].
         bearing: How firmly a hand or the ground bears each point, 0..1: of two that are borne, the firmer one
             takes more.
-        presses: Springs bear compression as well; else their tensions are not below zero.
+        pressing: How stiff springs are against compression, of what they are against tension: the less, the
+            less of it they are asked to bear.
     """
     way = points[springs[:, 1]] - points[springs[:, 0]]
     axis = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
@@ -104,35 +107,49 @@ def resting(
     entries = np.concatenate([entries, np.repeat(firm, 3)])
     shape = 3 * len(points), len(springs) + 3 * len(held)
     balance = coo_matrix((entries, (rows, columns)), shape=shape).tocsr()
-    if presses:
-        found = lsqr(balance, -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0]
+    if pressing == 1.0:
+        found, give = lsqr(balance, -weights.ravel(), damp=RELUCTANCE, iter_lim=400)[0], np.ones(len(springs))
     else:
-        found = _pulling(balance, -weights.ravel(), len(springs))
-        balance = balance @ diags(np.where(np.arange(shape[1]) < len(springs), found > 0.0, 1.0))
+        found, give = _wrinkling(balance, -weights.ravel(), len(springs), pressing)
+        balance = balance @ diags(np.sqrt(np.concatenate([give, np.ones(3 * len(held))])))
     supports = np.zeros((len(points), 3))
     supports[held] = found[len(springs) :].reshape(-1, 3) * firm[:, None]
-    known = Balance(balance, len(springs), held, firm)
+    known = Balance(balance, give, held, firm)
     return Rest(found[: len(springs)], supports, known, known)
 
 
-def _pulling(balance: csr_matrix, load: Float64[Array, " m"], springs: int) -> Float64[Array, " n"]:
-    """The same with springs, which come first, that only pull.
+def _wrinkling(
+    balance: csr_matrix, load: Float64[Array, " m"], springs: int, pressing: float
+) -> tuple[Float64[Array, " n"], Float64[Array, " E"]]:
+    """The same with springs, which come first, that are softer where they press: pulls, and how they give.
 
-    Exactly so, by an active set: methods from the inside end somewhere near, by rounding, with tensions that
-    nothing asks for.
+    Points move against springs until these bear the load; those that are shorter then press. Newton's method
+    in these moves, of which the energy is convex and piecewise quadratic; steps are halved until they gain.
 
-    Reference:
-        Lawson and Hanson (1974), Solving least squares problems, chapter 23 (non-negative least squares).
+    Args:
+        balance: Forces on points, of each spring and of what bears them.
+        load: What they are to balance [N].
+        springs: How many of the columns are springs.
+        pressing: How stiff they are against compression, of what they are against tension.
     """
-    unit = max(float(np.abs(load).max()), 1e-12)
-    count = balance.shape[1]
-    reluctant = vstack([balance, RELUCTANCE * identity(count)]).toarray()
-    wanted = np.concatenate([load / unit, np.zeros(count)])
-    pulling, bearing = reluctant[:, :springs], reluctant[:, springs:]
-    # what bears does its best whatever springs do: they are left what it cannot
-    borne = np.linalg.qr(bearing)[0]
-    left = (each - borne @ (borne.T @ each) for each in (pulling, wanted))
-    tensions = nnls(*left, maxiter=ROUNDS * springs)[0]
-    supports = np.linalg.lstsq(bearing, wanted - pulling @ tensions, rcond=None)[0]
-    solution: Float64[Array, " n"] = np.concatenate([tensions, supports]) * unit
-    return solution
+
+    def giving(moves: Float64[Array, " m"]) -> tuple[Float64[Array, " n"], Float64[Array, " n"], float]:
+        longer = balance.T @ moves
+        give = np.ones(len(longer))
+        give[:springs][longer[:springs] < 0.0] = pressing
+        energy = 0.5 * float(give @ longer**2 + RELUCTANCE**2 * moves @ moves) - float(load @ moves)
+        return longer, give, energy
+
+    moves = np.zeros(len(load))
+    longer, give, energy = giving(moves)
+    stiff = RELUCTANCE**2 * identity(len(load))
+    for _ in range(ROUNDS):
+        step = splu((balance @ diags(give) @ balance.T + stiff).tocsc()).solve(load) - moves
+        share = 1.0
+        while (there := giving(moves + share * step))[2] > energy and share > LEAST_STEP:
+            share *= 0.5
+        moves, before = moves + share * step, give
+        longer, give, energy = there
+        if share == 1.0 and np.array_equal(give, before):
+            break
+    return give * longer, give[:springs]

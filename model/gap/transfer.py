@@ -178,12 +178,12 @@ def transferred(study: Study, observation: Observation) -> Transferred:
 
     Rest shape, masses and the tensions that bear it at rest are those of the first recording. Rest lengths
     are not: they follow from its stiffness and from how much of these tensions there is (`prestress`), which
-    is found anew in each recording. Of a guessed solid lengths and tensions are those of its pose here: soft
-    ones give way to their weight otherwise in each, which a lattice that is stretched onto what is seen of
-    it can hardly tell. The first frame may show another pose: the body is turned and shifted
-    onto it as a whole, then the mass points move to where the observed points are seen, each much like those
-    it is joined to, and it starts at rest. Where other points were tracked the shape of the object says where
-    that is. What the hand holds is found anew.
+    is found anew in each recording. Of a guessed solid or sheet lengths and tensions are those of its pose
+    here: soft ones give way to their weight otherwise in each, and cloths hang in other folds, which a net
+    that is stretched onto what is seen of it can hardly tell. The first frame may show another pose: the
+    body is turned and shifted onto it as a whole, then the mass points move to where the observed points are
+    seen, each much like those it is joined to, and it starts at rest. Where other points were tracked the
+    shape of the object says where that is. What the hand holds is found anew.
 
     Raises:
         InputError: too few points are seen in both, or what is seen there is another object.
@@ -308,7 +308,7 @@ def _held_anew(
     )
     heavier = float(own.mass.sum() / found.matter.mass.sum())
     rest = replace(twin.rest, supports=heavier * found.rest.supports, around=found.rest.within)
-    if twin.body.shape == "solid" and not twin.given:
+    if twin.body.shape != "rope" and not twin.given:
         matter = replace(matter, length=found.matter.length)
         rest = replace(rest, tensions=heavier * found.rest.tensions, within=found.rest.within)
     return replace(

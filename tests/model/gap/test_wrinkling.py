@@ -102,7 +102,8 @@ def test_what_a_cloth_has_lost_it_does_not_lose_twice(hung, effect, values):
 def test_what_hangs_hangs_from_springs_that_pull(hung):
     """Cloth is at rest in the first frame, though its springs bear hardly any compression."""
     twin = plain_of(hung).twin
-    assert (twin.rest.tensions >= 0.0).all()
+    pulls, presses = (twin.rest.tensions * sign for sign in (1.0, -1.0))
+    assert presses.clip(0.0).sum() < 0.1 * pulls.clip(0.0).sum()
     pull = np.zeros_like(twin.body.points)
     way = np.diff(twin.body.points[twin.body.springs], axis=1)[:, 0]
     pulls = twin.rest.tensions[:, None] * way / np.linalg.norm(way, axis=1, keepdims=True)
