@@ -189,9 +189,10 @@ class PlainTwin:
         length = torch.from_numpy(matter.length)
         stiffness = values["stiffness"] * torch.from_numpy(matter.pattern) * self._gradient(values)
         tensions = torch.from_numpy(self.rest.tensions)
-        bearing = torch.where(tensions < 0.0, 1.0 - matter.slackness, 1.0) * stiffness
-        rest = length - values["prestress"] * tensions / bearing
-        rest = torch.minimum(torch.maximum(rest, SHORTEST * length), LONGEST * length)
+        bears = stiffness * torch.where(tensions < 0.0, 1.0 - matter.slackness, torch.ones_like(tensions))
+        rest = torch.maximum(length - values["prestress"] * tensions / bears, SHORTEST * length)
+        if matter.slackness:
+            rest = torch.minimum(rest, LONGEST * length)
         typical = 2.0 * torch.sqrt(values["stiffness"] * float(np.median(matter.mass)))
         held = len(body.grip) > 0
         simulator = build_simulator(
