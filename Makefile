@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 OUT ?= out
-CORES ?= $(shell nproc 2>/dev/null || echo 2)
+# nproc says how many threads OpenMP may use, which is not how many tests run at a time
+CORES ?= $(shell env -u OMP_NUM_THREADS nproc 2>/dev/null || echo 2)
 export PIP_DISABLE_PIP_VERSION_CHECK = 1
 
 .PHONY: demo test check unit clean help
