@@ -83,7 +83,7 @@ def resting(
 
     A least-squares solution, the smallest of those that balance: a body is seldom at ease in the shape in
     which it is first seen. It depends on the shape and the weight alone, not on any stiffness: a spring of
-    stiffness k and length d then has the rest length d − tension / k.
+    stiffness k and length d then has the rest length d − tension / k, one that presses with `pressing` of k.
 
     Args:
         points: Where the body is at rest [m].
