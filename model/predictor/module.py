@@ -34,6 +34,8 @@ LARGEST_RATE = 1e30
 """Beyond, the first step of AdamW is no number of single precision."""
 ENCODER = "motion_encoder"
 """Entry of a checkpoint: `EncoderIdentity`, as a plain tuple, which is all that is read back."""
+CONTINUED = "--ckpt_path: the checkpoint"
+"""How messages name the one that training goes on from."""
 
 
 @dataclass(frozen=True)
@@ -160,8 +162,16 @@ class PredictorModule(LightningModule):
         Raises:
             InputError: it is another one.
         """
+        self.check_start(self.cases.encoder.identity)
+
+    def check_start(self, given: EncoderIdentity) -> None:
+        """See that the predictor to start from, if any, knows the motion encoder that is given.
+
+        Raises:
+            InputError: it was trained with another one.
+        """
         if self._source is not None:
-            self._check_encoder(f"model.start: {self._start}", self._source.encoder)
+            check_encoder(f"model.start: {self._start}", self._source.encoder, given)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Say which motion encoder the weights know."""
@@ -174,19 +184,12 @@ class PredictorModule(LightningModule):
             InputError: it is another one, or a weight is NaN or infinite.
         """
         if ENCODER in checkpoint:  # those of earlier versions do not say
-            self._check_encoder("--ckpt_path: the checkpoint", EncoderIdentity(*checkpoint[ENCODER]))
+            given = self.cases.encoder.identity
+            check_encoder(CONTINUED, EncoderIdentity(*checkpoint[ENCODER]), given)
         lost = [name for name, value in checkpoint["state_dict"].items() if not finite(value)]
         if lost:
             raise InputError(
                 f"--ckpt_path: weights that are NaN or infinite, in {lost[0]}: the training diverged"
-            )
-
-    def _check_encoder(self, what: str, theirs: EncoderIdentity) -> None:
-        given = self.cases.encoder.identity
-        if given != theirs:
-            raise InputError(
-                f"{what} was trained with motion encoder {theirs}, data.encoder is {given}: give the "
-                "configuration that it was trained with"
             )
 
     @property
@@ -335,6 +338,19 @@ class PredictorModule(LightningModule):
     def _chosen(self, count: int, batch_idx: int) -> Sequence[int]:
         rng = np.random.default_rng((self.seed, self.current_epoch, batch_idx, self.global_rank))
         return [int(number) for number in rng.permutation(count)[: self.rollouts.per_batch]]
+
+
+def check_encoder(what: str, theirs: EncoderIdentity, given: EncoderIdentity) -> None:
+    """See that weights know the motion encoder that is given.
+
+    Raises:
+        InputError: they were trained with another one; the message begins with `what`.
+    """
+    if given != theirs:
+        raise InputError(
+            f"{what} was trained with motion encoder {theirs}, data.encoder is {given}: give the "
+            "configuration that it was trained with"
+        )
 
 
 def _check_alike(start: Path, known: Trained, network: NetworkOptions, widths: tuple[int, int]) -> None:

@@ -10,8 +10,10 @@ from pytorch_lightning.cli import ArgsType, LightningArgumentParser, LightningCL
 from pytorch_lightning.loggers import CSVLogger, TensorBoardLogger
 from torch import Tensor
 
+from model.encoders.motion import EncoderIdentity
 from model.errors import InputError
 from model.formats.files import check_writable
+from model.predictor.datamodule import CaseDataModule
 from model.predictor.epochs import (
     CHECKPOINTS,
     NEWEST,
@@ -21,7 +23,7 @@ from model.predictor.epochs import (
     next_version,
 )
 from model.predictor.export import Export
-from model.predictor.module import Answers
+from model.predictor.module import CONTINUED, ENCODER, Answers, PredictorModule, check_encoder
 from model.predictor.named import FILE
 from model.predictor.prediction_file import write_prediction
 
@@ -66,6 +68,9 @@ class WriteParameters(Callback):
 class TrainingCLI(LightningCLI):
     """Options of module, data and trainer, of the file `--config`; widths follow from the encoder."""
 
+    _trained_with: EncoderIdentity | None = None
+    """The motion encoder of the checkpoint to go on from; None: there is none, or it does not say."""
+
     def add_arguments_to_parser(self, parser: LightningArgumentParser) -> None:
         """What is neither the module's, nor the data's, nor the trainer's."""
         for name in ("motion_dim", "motion_global_dim"):
@@ -92,7 +97,7 @@ class TrainingCLI(LightningCLI):
         super().parse_arguments(parser, args)
         path = self.config[self.config.subcommand].ckpt_path
         if path is not None and (path not in NEWEST or Path(path).is_file()):
-            _check_checkpoint(Path(path))
+            self._trained_with = _check_checkpoint(Path(path))
 
     def before_instantiate_classes(self) -> None:
         """Refuse early what can only fail later.
@@ -121,12 +126,26 @@ class TrainingCLI(LightningCLI):
         if path in NEWEST:
             path = newest(Path(self._get(self.config, "out")), path)
             self.config[str(self.subcommand)].ckpt_path = str(path)
-            _check_checkpoint(path)
+            self._trained_with = _check_checkpoint(path)
         if self.subcommand != "fit" and path is None and self._get(self.config, "model.start") is None:
             raise InputError(
                 f"{self.subcommand}: no network that was trained: "
                 "give --model.start FILE.safetensors or --ckpt_path FILE.ckpt, which `fit` writes"
             )
+
+    def instantiate_classes(self) -> None:
+        """Module, data and trainer; data of another motion encoder is not described first.
+
+        Raises:
+            InputError: the weights to go on or to start from were trained with another motion encoder.
+        """
+        super().instantiate_classes()
+        assert isinstance(self.model, PredictorModule)
+        assert isinstance(self.datamodule, CaseDataModule)
+        given = self.datamodule.encoder.identity
+        self.model.check_start(given)
+        if self._trained_with is not None:
+            check_encoder(CONTINUED, self._trained_with, given)
 
     def _refuse_options(self) -> None:
         """What else would be ignored without a word, or end in an error of torch.
@@ -189,8 +208,11 @@ class TrainingCLI(LightningCLI):
         return str(self._parser(self.subcommand).dump(self.config[str(self.subcommand)], skip_none=True))
 
 
-def _check_checkpoint(path: Path) -> None:
+def _check_checkpoint(path: Path) -> EncoderIdentity | None:
     """See that a file is what `fit` has written, before anything is made for it.
+
+    Returns:
+        The motion encoder that it was trained with; None: it is of before checkpoints said so.
 
     Raises:
         InputError: there is none, or it is damaged or something else.
@@ -207,3 +229,4 @@ def _check_checkpoint(path: Path) -> None:
     weights = found["state_dict"] if whole else None
     if not isinstance(weights, dict) or not all(isinstance(value, Tensor) for value in weights.values()):
         raise InputError("--ckpt_path: expected a checkpoint that `fit` has written, found another file")
+    return EncoderIdentity(*found[ENCODER]) if ENCODER in found else None

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from model.encoders.kinematic import KinematicEncoder
+from model.predictor.datamodule import CaseDataModule
 from model.predictor.main import main
 from model.predictor.module import ENCODER
 from tests.model.predictor.quick import common, fit
@@ -36,9 +37,14 @@ def _start(trained, kind):
 def test_weights_of_another_motion_encoder_are_refused(
     command, kind, trained, case_folder, tmp_path, monkeypatch, capsys
 ):
-    """As wide as the one in training, and of another version."""
+    """As wide as the one in training, and of another version; told before cases are described with it."""
+
+    def described(self):
+        raise AssertionError("cases were described")
+
     version = KinematicEncoder.version
     monkeypatch.setattr(KinematicEncoder, "version", "next")
+    monkeypatch.setattr(CaseDataModule, "prepare_data", described)
     assert main([command, *common(case_folder, tmp_path), _start(trained, kind)]) == 2
     said = capsys.readouterr().err
     assert kind in said
