@@ -87,7 +87,7 @@ def matphys(context: click.Context, debug: bool) -> None:
         click.echo(context.get_help())
 
 
-@matphys.command()
+@matphys.command(short_help="Turn a clip into a twin.")
 @click.argument("video", type=click.Path(exists=True, path_type=Path))
 @click.option("--out", type=OutputFile, required=True, metavar="NAME.twin.zip", help="Where the twin goes.")
 @click.option(
@@ -159,11 +159,13 @@ def twin(video: Path, out: Path, preview: Path | None, as_json: bool, quiet: boo
     elif not quiet:
         print_stages(result.bundle, result.seconds)
         click.echo(f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB, {sum(result.seconds.values()):.1f} s)")
+        if preview is not None and result.bundle.preview is not None:
+            click.echo(f"wrote {preview}")
     if not quiet:
         warn([*result.bundle.manifest.warnings, *doubts])
 
 
-@matphys.command()
+@matphys.command(short_help="Move a twin as recorded, or otherwise.")
 @click.argument("twin", type=InputFile)
 @click.option(
     "--out", type=OutputFile, required=True, metavar="TRAJECTORY.npz", help="times [T], points [T, N, 3]."
@@ -216,7 +218,7 @@ def simulate(
         warn(doubts)
 
 
-@matphys.command()
+@matphys.command(short_help="Say what really moved in a clip, as points over time.")
 @click.argument("source", type=click.Path(exists=True, path_type=Path))
 @click.option(
     "--out", type=OutputFile, required=True, metavar="OBSERVATION.npz", help="Where the observation goes."
@@ -280,7 +282,7 @@ def observe(
         warn([*doubts, *observation_doubts(observation)])
 
 
-@matphys.command()
+@matphys.command(short_help="Say what is inside a twin.")
 @click.argument("twin", type=InputFile)
 @click.option("--json", "as_json", is_flag=True, help="Print it as JSON.")
 def inspect(twin: Path, as_json: bool) -> None:

@@ -78,7 +78,9 @@ class Submission:
                 if each.required and not {name, each.instead} & upload.files.keys()
             ]
             if missing:
-                raise ProblemError("bad-input", f"{missing[0]} is missing: send it as the body, or in a form")
+                other = inputs[missing[0]].instead
+                how = f"send it, or a {other} in its place" if other else "send it as the body, or in a form"
+                raise ProblemError("bad-input", f"{missing[0]} is missing: {how}")
             for name, each in inputs.items():
                 if {name, each.instead} <= upload.files.keys():
                     raise ProblemError("bad-input", f"{name} and {each.instead} are there: send one of them")

@@ -17,7 +17,7 @@ from model.errors import InputError
 from model.progress import progress
 
 
-@click.command()
+@click.command(short_help="Say what a twin lacks, by what really moved.")
 @click.argument("observation", type=InputFile)
 @click.option(
     "--twin", type=InputFile, metavar="TWIN", help="The twin to question; without one, one is made."
@@ -50,7 +50,17 @@ def diagnose(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Say where a twin departs from OBSERVATION, which effect it lacks, and how far the gap shrinks."""
+    """Say where a twin departs from OBSERVATION, which effect it lacks, and how far the gap shrinks.
+
+    OBSERVATION is what really moved: a .npz that `matphys observe` made of a clip and its twin or of a
+    PhysTwin case, or one of your own with `times` [T], `points` [T, N, 3] and `controllers` [T, C, 3], in
+    metres.
+    """
+    for given in (observation, transfer):
+        if given is not None and given.suffix.lower() != ".npz":
+            raise InputError(
+                f"{given}: expected an observation, a .npz: `matphys observe` makes one of a clip"
+            )
     if out.exists() and not out.is_dir():
         raise InputError(f"{out} is a file: give a folder for the report")
     from model.gap.report.write import report_files

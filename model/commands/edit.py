@@ -10,7 +10,7 @@ from model.doubts import collect_doubts
 from model.types import ShapeClass
 
 
-@click.command()
+@click.command(short_help="Make a part of a twin of another material.")
 @click.argument("twin", type=InputFile)
 @click.option(
     "--part", type=click.IntRange(min=0), required=True, metavar="N", help="Its number in the twin."

@@ -31,7 +31,7 @@ def _settings(_: click.Context, __: click.Parameter, value: str) -> tuple[str, .
     return tuple(name for name in SETTINGS if name in names)
 
 
-@click.command()
+@click.command(short_help="Compare methods on objects of known stuff.")
 @click.argument("data", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
     "--methods",

@@ -9,7 +9,7 @@ from model.doubts import collect_doubts
 from model.errors import InputError
 
 
-@click.command()
+@click.command(short_help="Write a twin for another program.")
 @click.argument("twin", type=InputFile)
 @click.option(
     "--to", "target", required=True, metavar="FORMAT", help="mujoco, newton, usd, ply, glb or phystwin."

@@ -15,7 +15,7 @@ GENERATED = ("count", "seed", "first", "kinds", "video", "workers")
 """Options that say how objects are made."""
 
 
-@click.command()
+@click.command(short_help="Make objects of known stuff, in several interactions.")
 @click.argument("folder", type=click.Path(file_okay=False, path_type=Path))
 @click.option(
     "--count", type=click.IntRange(min=1), default=24, show_default=True, help="Objects; 3 or 4 cases each."

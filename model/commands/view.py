@@ -9,7 +9,7 @@ from model.commands.common import InputFile, default_to_one_thread, warn
 from model.doubts import collect_doubts
 
 
-@click.command()
+@click.command(short_help="Play with a twin in a browser.")
 @click.argument("twin", type=InputFile)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="The same.")

@@ -77,6 +77,11 @@ def observe_clip(
 def _check_same(frames: Frames, twin: TwinBundle) -> None:
     source = twin.manifest.source
     if source.sha256 is not None and source.sha256 != frames.sha256:
+        if source.frames is not None and source.frames != len(frames.images):
+            raise InputError(
+                f"{frames.name}: expected the clip that the twin was made from, of {source.frames} frames, "
+                f"found another one, of {len(frames.images)}: the twin's hand moved as in its own clip"
+            )
         warnings.warn(f"{frames.name} is not the clip that the twin was made from", stacklevel=3)
     if source.fps is not None and abs(frames.fps - source.fps) > 0.01 * source.fps:
         rates = f"{frames.fps:.3g} frames per second here, {source.fps:.3g} in the twin"

@@ -96,6 +96,6 @@ class TrainedPredictor(ParameterPredictor):
         if not self.encoder.needs_references or compared >= case.split:
             return ()
         return (
-            f"motion after {times[compared - 1]:.2g} s was not compared with reference twins: {springs} "
-            "springs are too many for more",
+            f"stiffness was judged by the motion up to {times[compared - 1]:.2g} s alone: {springs} springs "
+            "are too many for more; fewer --points leave room for all of it",
         )

@@ -142,7 +142,7 @@ def _verdict(
     reliable = bool(margin > 0.06 and agreeing >= MINIMUM_LINES + 1)
     evidence = f"{agreeing} of {len(segments)} straight lines agree, margin {margin:.2f}"
     if not reliable:
-        return Tilt(default_pitch, 0.0, False, f"lines are undecided ({evidence})")
+        return Tilt(default_pitch, 0.0, False, f"straight lines do not tell what is upright ({evidence})")
     return Tilt(pitch, roll, True, evidence)
 
 

@@ -32,6 +32,7 @@ class FileInput:
     label: str
     accept: str
     required: bool
+    help: str = ""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def make_offer(
     name: str,
     collection: str,
     request: type[BaseModel],
-    inputs: Iterable[str],
+    inputs: Iterable[str] | Mapping[str, str],
     *,
     required: Iterable[str] = (),
     title: str = "",
@@ -76,12 +77,13 @@ def make_offer(
         name: Of the kind.
         collection: Where its jobs are.
         request: The record that checks its options.
-        inputs: Names of the files it takes.
+        inputs: Names of the files it takes, and if given what the page says of each.
         required: Those of them it cannot do without; the first is the main one.
         title: What the page calls it.
         help: One sentence for who wonders what it does.
     """
     needed = tuple(required)
+    said = inputs if isinstance(inputs, Mapping) else {}
     fields = form_fields(request, LEFT_OUT)
     order = {name: place for place, name in enumerate(FIRST_FIELDS)}
     first = sorted((field for field in fields if field.name in order), key=lambda field: order[field.name])
@@ -96,6 +98,7 @@ def make_offer(
         first=tuple(first),
         more=tuple(field for field in fields if field.name not in order),
         files=tuple(
-            FileInput(each, each.capitalize(), ACCEPTED.get(each, ""), each in needed) for each in inputs
+            FileInput(each, each.capitalize(), ACCEPTED.get(each, ""), each in needed, said.get(each, ""))
+            for each in inputs
         ),
     )

@@ -32,7 +32,7 @@ def _offer(resource: Resource) -> Offer:
         kind.name,
         resource.path.strip("/"),
         kind.options,
-        tuple(kind.inputs),
+        {name: each.help for name, each in kind.inputs.items()},
         required=required_inputs(kind),
         title=resource.title,
         help=resource.help,

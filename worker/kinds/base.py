@@ -29,6 +29,8 @@ class Input:
     """Another input of the kind, which may be given in its place, but not beside it."""
     beside: str = ""
     """Another input of the kind, without which this one says nothing."""
+    help: str = ""
+    """A sentence for who wonders what it is."""
 
 
 @dataclass(frozen=True)

@@ -26,10 +26,20 @@ class DiagnosisKind(Kind):
     queue: ClassVar[str] = "twins"
     options: ClassVar[type[BaseModel]] = DiagnosisRequest
     inputs: ClassVar[Mapping[str, Input]] = {
-        "observation": Input("observation", required=True, instead="video"),
-        "video": Input("video"),
-        "transfer": Input("observation"),
-        "mask": Input("image", beside="video"),
+        "observation": Input(
+            "observation",
+            required=True,
+            instead="video",
+            help="What really moved, as matphys observe writes it; or send the clip instead.",
+        ),
+        "video": Input("video", help="The clip that the twin was made from, instead of an observation."),
+        "transfer": Input(
+            "observation",
+            help="An observation of another motion, if there is one: does what is found hold there?",
+        ),
+        "mask": Input(
+            "image", beside="video", help="If colour misleads: the object on the keyframe, white on black."
+        ),
     }
     about: ClassVar[Mapping[str, str]] = {"segmentation": "video", "tracking": "video"}
     limit_s: ClassVar[float] = 1800.0

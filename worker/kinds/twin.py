@@ -25,11 +25,11 @@ class TwinKind(Kind):
     options: ClassVar[type[BaseModel]] = TwinRequest
     inputs: ClassVar[Mapping[str, Input]] = {
         "video": Input("video", required=True),
-        "mask": Input("image"),
-        "camera": Input("camera"),
-        "mesh": Input("mesh"),
-        "depth": Input("depth"),
-        "controllers": Input("controllers"),
+        "mask": Input("image", help="The object on the keyframe, white on black."),
+        "camera": Input("camera", help="Intrinsics and pose, as JSON."),
+        "mesh": Input("mesh", help="A mesh of the object: GLB, OBJ or PLY."),
+        "depth": Input("depth", help="Depth of the keyframe in millimetres: 16-bit PNG or .npy."),
+        "controllers": Input("controllers", help="How the hand moved, instead of what is seen: .npz."),
     }
     limit_s: ClassVar[float] = 1800.0
 

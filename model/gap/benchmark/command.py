@@ -12,7 +12,7 @@ import click
 from model.progress import progress
 
 
-@click.command("gap-benchmark")
+@click.command("gap-benchmark", short_help="Score diagnoses of worlds whose labels are sealed.")
 @click.argument("worlds", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option(
     "--out",

@@ -68,7 +68,12 @@ def _numbers(report: GapReport) -> list[Fields]:
     """The figures that come first."""
     gap = report.gap
     tiles: list[Fields] = [
-        {"role": "came", "name": "as it came", "value": millimetres(gap.baseline), "note": "mean distance"},
+        {
+            "role": "came",
+            "name": "as it came",
+            "value": millimetres(gap.baseline),
+            "note": "mean distance, held out",
+        },
         {"role": "refit", "name": "refitted", "value": millimetres(gap.refit), "note": "its own parameters"},
     ]
     if gap.with_effect is not None:
@@ -78,7 +83,7 @@ def _numbers(report: GapReport) -> list[Fields]:
         value = millimetres(gap.with_effect)
         tiles.append({"role": "effect", "name": with_effect(report), "value": value, "note": note})
     floor = {"role": "floor", "name": "noise floor", "value": millimetres(gap.noise_floor)}
-    return [*tiles, {**floor, "note": "no model can beat it"}]
+    return [*tiles, {**floor, "note": "what noise alone makes"}]
 
 
 def _figure(heading: str, caption: str, image: bytes) -> Fields:

@@ -14,7 +14,7 @@ from model.gap.report.wording import (
 from model.gap.schema import SOURCE_NAMES, GapReport
 
 MEANINGS = {
-    "perception": "what the camera and the tracking add",
+    "perception": "noise of the tracking, and what a wrong scale or a slow drift of it would explain",
     "actuation": "the hand was not where it was said to be",
     "parameters": "gone once the twin's own parameters are refitted",
     "physics": "effects that the twin does not have",
@@ -56,9 +56,12 @@ def _tuning(report: GapReport) -> str:
             f" ({millimetres(gap.baseline)} to {millimetres(gap.refit)})."
         )
     if saved < 0.02:
-        return f"Refitting the twin's own parameters does not help: {millimetres(gap.refit)} remain."
+        return (
+            "Refitting the twin's own parameters does not help on held-out time, whatever it does where it is"
+            f" fitted: {millimetres(gap.refit)} remain."
+        )
     return (
-        f"Refitting the twin's own parameters alone takes {percent(saved)} of the error away"
+        f"Refitting the twin's own parameters alone takes {percent(saved)} of the error on held-out time away"
         f" ({millimetres(gap.baseline)} to {millimetres(gap.refit)})."
     )
 
@@ -101,4 +104,7 @@ def _acting(report: GapReport) -> str:
 def _source(report: GapReport) -> str:
     shares = {name: getattr(report.sources, name) for name in SOURCE_NAMES}
     name = max(shares, key=lambda each: shares[each])
-    return f"{percent(shares[name])} of the gap of the twin as it came is {name}: {MEANINGS[name]}."
+    return (
+        f"{percent(shares[name])} of what the twin was off by before any refit, squared, on held-out time, is"
+        f" {name}: {MEANINGS[name]}."
+    )

@@ -105,6 +105,17 @@ def test_the_twin_that_was_given_is_questioned_and_gets_the_effect(run, diagnosi
     assert diagnosis.twin.carried == (WIND,)
 
 
+@pytest.mark.parametrize("kind", ["observation", "transfer"])
+def test_a_clip_is_no_observation_yet(run, diagnosis, file, tmp_path, kind):
+    clip = tmp_path / "clip.mp4"
+    clip.write_bytes(b"\0")
+    given = (clip,) if kind == "observation" else (file, "--transfer", clip)
+    code, _, err = run(*given, "--out", tmp_path / "gap")
+    assert code == 2
+    assert "clip.mp4: expected an observation, a .npz: `matphys observe` makes one of a clip" in err
+    assert not (tmp_path / "gap").exists()
+
+
 def test_without_a_twin_one_is_made(run, diagnosis, file, tmp_path):
     saved = tmp_path / "made.twin.zip"
     assert run(file, "--out", tmp_path / "gap", "--save-twin", saved, "--quiet")[0] == 0

@@ -131,3 +131,12 @@ def test_a_folder_of_images_is_observed_at_the_rate_that_was_asked_for(filmed: T
         pytest.warns(UserWarning, match=r"12 frames per second here, 30 in the twin; .* --fps"),
     ):
         observe_clip(tmp_path, filmed, Blind(), OpenCVTracker(), lambda stage, _: None, fps=12.0)
+
+
+def test_a_clip_of_another_length_is_not_the_one_of_the_twin(filmed: TwinBundle, tmp_path: Path):
+    source = filmed.manifest.source.model_copy(update={"sha256": "0" * 64})
+    filmed = replace(filmed, manifest=filmed.manifest.model_copy(update={"source": source}))
+    for index in range(7):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), np.zeros((*SIZE, 3), np.uint8))
+    with pytest.raises(InputError, match="twin was made from, of 6 frames, found another one, of 7"):
+        observe_clip(tmp_path, filmed, ClassicalSegmenter(), OpenCVTracker(), lambda stage, _: None, fps=30.0)

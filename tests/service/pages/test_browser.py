@@ -312,6 +312,7 @@ def test_a_diagnosis_is_asked_for_and_its_verdict_read(
     expect(section.get_by_role("heading", name="Diagnose")).to_be_visible()
     section.get_by_role("button", name="Start").click()
     expect(section.locator("form .problem")).to_contain_text("observation is missing")
+    expect(section).to_contain_text("instead of an observation")
     (tmp_path / "seen.npz").write_bytes(observation)
     section.get_by_label("Observation").set_input_files(tmp_path / "seen.npz")
     section.get_by_role("button", name="Start").click()

@@ -45,7 +45,9 @@ ALL_DRAWINGS = (
     Drawing(
         "course.png",
         "When",
-        "The error over time. Phases of the motion are named, with their share of the gap.",
+        "How far free runs of the twin are off, which adds up over time. Phases of the motion are named, with"
+        " their share of the gap: of what surprises a twin that is led by the observation, squared, so that a"
+        " phase answers for what goes wrong in it and not for what went wrong before.",
         course.draw,
     ),
     Drawing(

@@ -30,6 +30,8 @@ SHOWN = 250
 """Points; more would hide each other."""
 FARTHEST = 1.5
 """From the centre of the observation, in sizes of what it covers; what is farther is not shown."""
+LONELY = 1.4
+"""Times as far from the centre as nearly all points that the farthest are shown."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Twin:
 
 
 def draw(findings: Findings) -> Figure:
-    """Moments down, twins across; of a single twin two moments in each row. All at one scale."""
+    """Moments down, twins across; of a single twin two moments in each row, and its name over both."""
     twins = [Twin(REFITTED, findings.before, REFIT)]
     if findings.after is not None:
         twins.append(Twin(with_effect(findings.report), findings.after, EFFECT))
@@ -74,7 +76,9 @@ def draw(findings: Findings) -> Figure:
                 )
         for axes in panels[len(cells) :]:
             axes.set_axis_off()
-    for axes, twin in zip(grid[0], twins, strict=False):
+    if alone:
+        figure.suptitle(stacked(twins[0].name), fontsize=LARGE, color=twins[0].colour, fontweight="bold")
+    for axes, twin in zip(grid[0], [] if alone else twins, strict=False):
         axes.set_title(stacked(twin.name), fontsize=LARGE, color=twin.colour, fontweight="bold", pad=18)
     scale_bar(grid[-1][0])
     figure.legend(handles=_key(), loc="outside lower right", ncols=2, frameon=False, fontsize=SMALL)
@@ -158,6 +162,7 @@ def _half(findings: Findings, view: View, frames: list[int]) -> Float[Array, "2"
         clouds = [findings.observed[frame], findings.before[frame]]
         clouds += [] if findings.after is None else [findings.after[frame]]
         away = np.abs(view(_seen(np.stack(clouds))) - _centre(findings, view, frame))
-        reach.append(np.quantile(away, 0.995, axis=0))
+        # a few points beside the object belong into the picture, one that flew away does not
+        reach.append(np.minimum(away.max(0), LONELY * np.quantile(away, 0.98, axis=0)))
     most = np.minimum(np.max(reach, axis=0), limit)  # a twin that flew away leaves the panel
     return np.asarray(np.maximum(np.maximum(1.06 * most, 0.35 * most.max()), SMALLEST))

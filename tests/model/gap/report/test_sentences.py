@@ -27,7 +27,7 @@ def test_they_carry_the_numbers_of_the_report(report):
     assert f"{100 * phase.share:.0f} % of the gap falls into the phase “{phase.name}”" in told
     assert "on the part “lower half”" in told
     assert "Wind acts on the whole object." in told
-    assert "58 % of the gap of the twin as it came is physics" in told
+    assert "58 % of what the twin was off by before any refit, squared, on held-out time, is physics" in told
 
 
 def test_half_of_an_even_gap_lies_on_half_of_the_points(report):

@@ -199,6 +199,20 @@ def test_words_of_the_rollouts_keep_apart(case, request):
     assert min(title.y0 for title in titles) > max(text.y1 for text in written[:1])
 
 
+def test_what_is_held_beside_the_object_is_in_the_picture(findings):
+    """Of a long thin object a few points make the end, and these are the ones that a hand holds."""
+    before = findings.before.copy()
+    before[:, 0] = before.mean(1) + 0.7 * np.ptp(findings.rest, axis=0)
+    figure = rollouts.draw(replace(findings, before=before))
+    figure.draw_without_rendering()
+    panels = [axes for axes in figure.axes if axes.collections]
+    for axes, frame in zip(panels[::2], rollouts.moments(findings), strict=True):
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        rings = axes.collections[-2].get_offsets()
+        inside = (rings >= [left, low]).all(1) & (rings <= [right, high]).all(1)
+        assert inside.all(), frame
+
+
 def test_a_twin_that_flew_away_leaves_the_panel(findings):
     after = findings.after + 1e3
     panel = rollouts.draw(replace(findings, after=after)).axes[0]
