@@ -3,17 +3,18 @@
 import io
 import json
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from model.errors import InputError
 from model.exports.base import Exporter
 from model.exports.folder import write_folder
 from model.exports.mechanics import Mechanics, mechanics_of, point_colors, roll
-from model.exports.phystwin_rule import Rule, spring_rule
+from model.exports.phystwin_rule import SPARE, Rule, spring_rule
 from model.exports.readme import write_readme
 from model.formats.ply import encode_ply
 from model.types import Array, Gaussians
@@ -37,6 +38,9 @@ TURNED = np.array([-1, -1, 1, -1, 1, 1, -1, 1, -1, 1, -1, -1, 1, -1, 1], np.floa
 """What that half turn makes of the real spherical harmonics of degree 1, 2, 3 in the order of a 3DGS file:
 the sign of x y z powers with an odd number of y and z."""
 HARMONICS = 45
+LEFT_OUT = 0.0
+"""Stiffness per strain of springs that its simulator skips, dashpots as well: it takes the logarithm, and
+tests whether the exponential of that is above 0 (`eval_springs` of its spring_mass_warp.py)."""
 SPLATS = "gaussian_output/{}/init=hybrid_iso=True_ldepth=0.001_lnormal=0.0_laniso_0.0_lseg=1.0/point_cloud"
 CASE = "twin"
 
@@ -45,9 +49,11 @@ class PhystwinExporter(Exporter):
     """A folder to be laid over a checkout of PhysTwin; the case is called `twin`.
 
     Its playground makes the springs anew by a rule: the nearest neighbours, so many at most, within a radius.
-    It has mass 1 at every point, stiffness Y per strain (k = Y / L), isotropic Gaussians, z down. All masses,
-    stiffnesses and dashpots are divided by the mass of a point, which leaves the motion as it is; a twin
-    whose springs the rule does not give, or that breaks another of these rules, is refused.
+    What the rule makes and the twin has not gets stiffness 0: its simulator leaves such springs out. It has
+    mass 1 at every point, stiffness Y per strain (k = Y / L), isotropic Gaussians, z down. All masses,
+    stiffnesses and dashpots are divided by the mean mass of a point, which leaves the motion as it is where
+    masses are equal; where they are not, and where Gaussians are flat, `losses` says what that costs. A twin
+    that breaks another of its rules is refused.
 
     Reference:
         Jiang et al. (2025), PhysTwin: Physics-informed reconstruction and simulation of deformable objects
@@ -59,19 +65,22 @@ class PhystwinExporter(Exporter):
     def __call__(self, twin: "TwinBundle", out: Path) -> list[Path]:
         """Write the folder `out`."""
         mechanics = mechanics_of(twin)
-        mass = _check(twin, mechanics)
+        _check(mechanics)
+        mass = float(mechanics.mass.mean())
         points, hands = len(mechanics.points), mechanics.edges[mechanics.spring_count :]
         places = _down(mechanics.points, mechanics).astype(np.float32)
         held = _down(mechanics.controls[0], mechanics).astype(np.float32)
         rule = spring_rule(places, mechanics.edges[: mechanics.spring_count])
         grip = spring_rule(places, hands[:, ::-1] - [points, 0], held)
-        order = np.concatenate([rule.order, mechanics.spring_count + grip.order])
-        strength = (mechanics.stiffness * mechanics.rest_length / mass)[order]
-        if not ((strength > 0) & (strength <= STIFFEST)).all():
+        own = mechanics.stiffness * mechanics.rest_length / mass
+        if not ((own > 0) & (own <= STIFFEST)).all():
             raise InputError(
-                f"phystwin: stiffness times length over mass reaches {strength.max():.3g} N/kg, and its "
+                f"phystwin: stiffness times length over mass reaches {own.max():.3g} N/kg, and its "
                 f"simulator takes above 0 and up to {STIFFEST:g}"
             )
+        hand = np.where(grip.order == SPARE, SPARE, mechanics.spring_count + grip.order)
+        order = np.concatenate([rule.order, hand])
+        strength = np.where(order == SPARE, LEFT_OUT, own[order])
         files = {
             f"data/different_types/{CASE}/final_data.pkl": _pickle(_observation(twin, mechanics)),
             f"data/different_types/{CASE}/calibrate.pkl": _pickle([_pose(twin, mechanics)]),
@@ -79,23 +88,40 @@ class PhystwinExporter(Exporter):
             f"experiments_optimization/{CASE}/optimal_params.pkl": _pickle(
                 _options(mechanics, mass, rule, grip)
             ),
-            f"experiments/{CASE}/train/best_0.pth": _checkpoint(mechanics, strength),
+            f"experiments/{CASE}/train/best_0.pth": _checkpoint(mechanics, len(rule.order), strength),
             f"{SPLATS.format(CASE)}/iteration_10000/point_cloud.ply": encode_ply(_splats(twin, mechanics)),
             "README.md": _readme(twin, mechanics, self.losses(twin)).encode(),
         }
         return write_folder(out, files)
 
+    def losses(self, twin: "TwinBundle") -> tuple[str, ...]:
+        """Equal masses and round Gaussians as well, where the twin has others."""
+        lost, mass = list(super().losses(twin)), twin.topology.mass
+        if np.ptp(mass) > ALIKE * mass.mean():
+            evened = replace(twin.topology, mass=np.full_like(mass, mass.mean()))
+            whole, even = roll(twin).points, roll(replace(twin, topology=evened)).points
+            apart = 1e3 * np.linalg.norm(whole - even, axis=-1)
+            lost.append(
+                f"{self.name}: points of the files are equally heavy: under the recorded motion that alone "
+                f"moves them by {apart.mean():.2g} mm on average, {apart.max():.2g} mm at most"
+            )
+        if _flat(twin.gaussians).any():
+            lost.append(f"{self.name}: the Gaussians of the files are round, as large as they were broad")
+        return tuple(lost)
 
-def _check(twin: "TwinBundle", mechanics: Mechanics) -> float:
-    """Refuse what its playground does otherwise; return the mass of a point [kg]."""
-    mass, scales, gravity = mechanics.mass, twin.gaussians.scales, np.array(mechanics.gravity)
+
+def _flat(gaussians: Gaussians) -> Bool[Array, " M"]:
+    """Which are not isotropic."""
+    flat: Bool[Array, " M"] = gaussians.scales.max(axis=1) > (1 + ALIKE) * gaussians.scales.min(axis=1)
+    return flat
+
+
+def _check(mechanics: Mechanics) -> None:
+    """Refuse what its playground does otherwise."""
+    gravity = np.array(mechanics.gravity)
     ends = np.concatenate([mechanics.points, mechanics.controllers])[mechanics.edges]
     apart = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     reasons = {
-        "the points' masses differ, and its points all have mass 1": np.ptp(mass) > ALIKE * mass.mean(),
-        "the Gaussians are not isotropic, which its playground takes them for": bool(
-            (scales.max(axis=1) > (1 + ALIKE) * scales.min(axis=1)).any()
-        ),
         "nothing is held, and its playground moves an object by its control points": not len(
             mechanics.controllers
         ),
@@ -111,7 +137,6 @@ def _check(twin: "TwinBundle", mechanics: Mechanics) -> float:
     for reason, broken in reasons.items():
         if broken:
             raise InputError(f"phystwin: {reason}")
-    return float(mass.mean())
 
 
 def _down(places: Array, mechanics: Mechanics) -> Float64[Array, "*n 3"]:
@@ -183,7 +208,7 @@ def _options(mechanics: Mechanics, mass: float, rule: Rule, grip: Rule) -> dict[
     }
 
 
-def _checkpoint(mechanics: Mechanics, strength: Float64[Array, " E"]) -> bytes:
+def _checkpoint(mechanics: Mechanics, springs: int, strength: Float64[Array, " S"]) -> bytes:
     """`best_0.pth`: stiffness per strain in the order of its rule."""
     import torch
 
@@ -192,7 +217,7 @@ def _checkpoint(mechanics: Mechanics, strength: Float64[Array, " E"]) -> bytes:
 
     content = {
         "epoch": 0,
-        "num_object_springs": mechanics.spring_count,
+        "num_object_springs": springs,
         "spring_Y": torch.from_numpy(strength.astype(np.float32)),
         "collide_elas": one(mechanics.restitution),
         "collide_fric": one(mechanics.friction),
@@ -211,10 +236,11 @@ def _splats(twin: "TwinBundle", mechanics: Mechanics) -> Gaussians:
     if given.harmonics is not None:
         each = given.harmonics.shape[1] // 3
         harmonics[:, :, :each] = given.harmonics.reshape(len(given), 3, each) * TURNED[:each]
+    broad = np.sqrt(np.sort(given.scales, axis=1)[:, 1:].prod(axis=1, keepdims=True))
     w, x, y, z = given.quaternions.T  # half a turn about x is the quaternion (0, 1, 0, 0)
     return Gaussians(
         means=_down(given.means, mechanics).astype(np.float32),
-        scales=given.scales,
+        scales=np.where(_flat(given)[:, None], broad, given.scales).astype(np.float32),
         quaternions=np.stack([-x, w, -z, y], axis=1),
         opacities=given.opacities,
         colors=given.colors,

@@ -15,6 +15,10 @@ MARGIN = 0.02
 """How far beyond the longest spring the next distance is looked for, as a share of it."""
 SHORTEST = 1e-4
 """Springs shorter than this are not made there [m]."""
+MOST = 20
+"""Springs that the rule may make for each that is wanted: they cost time there, even if they do nothing."""
+SPARE = -1
+"""In the order of a rule: a spring that nobody wants."""
 
 
 @dataclass(frozen=True)
@@ -25,8 +29,8 @@ class Rule:
     """[m]."""
     neighbours: int
     """As its search counts: of a point of the object, the point itself included."""
-    order: Int64[Array, " E"]
-    """Which of the given springs is first, second, … by the rule."""
+    order: Int64[Array, " S"]
+    """Which of the given springs is first, second, … by the rule, or `SPARE`."""
 
 
 def spring_rule(
@@ -34,7 +38,7 @@ def spring_rule(
     springs: Int[Array, "E 2"],
     centers: Float32[Array, "C 3"] | None = None,
 ) -> Rule:
-    """The rule that gives exactly these springs.
+    """The rule that gives these springs, and as few others as can be.
 
     Args:
         points: Rest places as the files have them [m].
@@ -42,7 +46,8 @@ def spring_rule(
         centers: What joins points, where it is not the points themselves [m].
 
     Raises:
-        InputError: no radius and count give these springs, or they depend on distances that are equal.
+        InputError: no radius and count give these springs without `MOST` times as many others, or they depend
+            on distances that are equal.
 
     Reference:
         Jiang et al. (2025), PhysTwin, and its code (qqtt/engine/trainer_warp.py, `_init_start`).
@@ -63,17 +68,17 @@ def spring_rule(
     low, high = 1, max(len(row) for row in rows)
     while low < high:
         middle = (low + high) // 2
-        enough = len(_join(rows, distances, middle, centers is None)) >= len(wanted)
+        enough = wanted.keys() <= set(_join(rows, distances, middle, centers is None))
         low, high = (low, middle) if enough else (middle + 1, high)
     made = _join(rows, distances, low, centers is None)
-    if set(made) != set(wanted):
+    if not wanted.keys() <= set(made) or len(made) > MOST * len(wanted):
         raise InputError(
             f"phystwin: no radius and number of neighbours give the {what} of this twin: its playground "
             f"joins the nearest points within {longest:.3g} m, which would be {len(made)} or so, and the "
             f"twin has {len(wanted)}"
         )
     _refuse_ties(distances, low, what)
-    return Rule(radius, low, np.array([wanted[pair] for pair in made], np.int64))
+    return Rule(radius, low, np.array([wanted.get(pair, SPARE) for pair in made], np.int64))
 
 
 def _radius(points: Float64[Array, "N 3"], origin: Float64[Array, "C 3"], longest: float) -> float:
