@@ -13,11 +13,12 @@ from model.gap.diagnosis import Diagnosis
 from model.gap.found import Found, Tried
 from model.gap.locate import locate
 from model.gap.plain import PlainTwin
+from model.gap.posed_by_shape import FoldedOtherwiseError
 from model.gap.screen import Screened, screen
 from model.gap.search import beginning, values_of
 from model.gap.stages import Progress
 from model.gap.study import Study, study
-from model.gap.transfer import transferred
+from model.gap.transfer import Transferred, transferred
 from model.gap.verdict import second_of
 from model.gap.weighing import Weighing
 from model.one_thread import one_thread
@@ -58,7 +59,7 @@ def _diagnosed(
 ) -> Diagnosis:
     tell("refit", 0.0)
     fitted = study(observation, twin)
-    other = None if transfer is None else transferred(fitted, transfer)
+    other = None if transfer is None else _another(fitted, transfer)
     screened = screen(fitted, other, tell)
     contest = contested(fitted, screened, tell)
     plain, flexible = contest.plain, contest.flexible
@@ -76,6 +77,19 @@ def _diagnosed(
     )
     tell("report", 0.97)
     return Diagnosis(found.findings(), found.records(), found.own_values(), tried.account)
+
+
+def _another(fitted: Study, transfer: Observation) -> Transferred | None:
+    """The other recording; None, and a warning: it cannot be told where the object's points are there."""
+    try:
+        return transferred(fitted, transfer)
+    except FoldedOtherwiseError as error:
+        warnings.warn(
+            f"the other recording is left out, and the verdict is of the first alone: {error}; if it is the "
+            "same object, give a recording that begins with the cloth spread out, or track the same points",
+            stacklevel=3,
+        )
+        return None
 
 
 def _tried(fitted: Study, contest: Contest, screened: Screened, account: Account) -> Tried:

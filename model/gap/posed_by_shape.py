@@ -43,6 +43,10 @@ APART = math.radians(60.0)
 """Turns that differ by less are one place."""
 
 
+class FoldedOtherwiseError(InputError):
+    """A cloth of the right size hangs or lies in folds that cannot be laid on the other recording."""
+
+
 class Laid(NamedTuple):
     """A body on what another recording shows."""
 
@@ -64,6 +68,7 @@ def posed_by_shape(body: Body, before: Observation, after: Observation) -> Float
         after: The other one.
 
     Raises:
+        FoldedOtherwiseError: both are cloths of one size, and one cannot be laid on the other.
         InputError: the other recording shows an object of another size, or of another shape, or too little
             of it: of a solid one plane alone, in which it could be laid flat.
 
@@ -84,10 +89,10 @@ def posed_by_shape(body: Body, before: Observation, after: Observation) -> Float
     ways = (_along_line if _lines(body, target) else _on_shape)(body, target)
     best = min(way.off for way in ways)
     if best > OFF * max(body.spacing, target.spacing):
-        raise InputError(
-            f"points: the object of the first recording is {1e3 * best:.2g} mm off that of the other "
-            "wherever it is laid: is it the same object?"
-        )
+        away = f"the object of the first recording is {1e3 * best:.2g} mm off that of the other"
+        if body.shape == "sheet":
+            raise FoldedOtherwiseError(f"points: {away} however it is folded")
+        raise InputError(f"points: {away} wherever it is laid: is it the same object?")
     fitting = [way for way in ways if way.off <= AS_WELL * best]
     chosen, by = _chosen(fitting, body, before, after)
     told = f", which fits in {len(fitting)} ways: {by} was taken" if len(fitting) > 1 else ""

@@ -6,6 +6,7 @@ import pytest
 
 from model.gap.diagnose import diagnose
 from model.gap.effects import GravityTilt, GroundAdhesion, QuadraticAirDrag
+from model.gap.posed_by_shape import FoldedOtherwiseError
 from model.gap.schema import EFFECT_NAMES, GapReport
 
 STICKY = {"adhesion.pull_per_mass": 60.0, "adhesion.reach": 0.01, "adhesion.at_contact": 0.0}
@@ -62,6 +63,21 @@ def test_without_an_effect_nothing_acts_and_nothing_is_added(swinging, sure):
         *("refit", "screen", "confirm", "weigh", "where", "report")
     ]
     assert any("adhesion" in warning for warning in report.warnings)
+
+
+@pytest.mark.slow
+def test_a_cloth_that_cannot_be_laid_on_the_other_is_diagnosed_by_the_first_alone(
+    swinging, sure, monkeypatch
+):
+    def folded(study, observation):
+        raise FoldedOtherwiseError("points: 39 mm off that of the other however it is folded")
+
+    monkeypatch.setattr("model.gap.diagnose.transferred", folded)
+    sure("none")
+    with pytest.warns(UserWarning, match=r"left out, and the verdict is of the first alone: .* 39 mm off"):
+        report = holds(diagnose(swinging, transfer=swinging), swinging)
+    assert report.verdict.effect == "none"
+    assert report.gap.transfer is None
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from model.errors import InputError
 from model.gap.bodies.body import body_of
-from model.gap.posed_by_shape import posed_by_shape
+from model.gap.posed_by_shape import FoldedOtherwiseError, posed_by_shape
 from model.types import Observation
 
 FRAMES = 12
@@ -132,6 +132,16 @@ def test_a_solid_of_which_one_plane_is_seen_is_refused(egg, count):
         InputError, match="the other recording: points: all that are seen of a solid are in one"
     ):
         posed_by_shape(body_of(still(egg), "solid"), still(egg), replace(other, points=level))
+
+
+def test_a_cloth_in_a_bundle_is_not_taken_for_another_one():
+    """As large as it, and laid out by no bending: nothing says that it is another object."""
+    rng = np.random.default_rng(0)
+    flat = np.column_stack([rng.uniform(0.0, 0.4, (150, 2)), np.zeros(150)])
+    around = 2.0 * np.pi * 2.5 * flat[:, 0] / 0.4
+    bundle = np.column_stack([0.03 * np.cos(around), 0.03 * np.sin(around), 1.4 * flat[:, 1]])
+    with pytest.raises(FoldedOtherwiseError, match="off that of the other however it is folded"):
+        posed_by_shape(body_of(still(bundle), "sheet"), still(bundle), still(flat))
 
 
 def test_another_object_is_refused(egg):
