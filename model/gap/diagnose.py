@@ -11,6 +11,7 @@ from model.gap.confirm import confirm, localised
 from model.gap.contest import Contest, contested, fitted_with
 from model.gap.diagnosis import Diagnosis
 from model.gap.found import Found, Tried
+from model.gap.guessed_twin import guessed_twin
 from model.gap.locate import locate
 from model.gap.plain import PlainTwin
 from model.gap.posed_by_shape import FoldedOtherwiseError
@@ -58,7 +59,7 @@ def _diagnosed(
     observation: Observation, twin: PlainTwin | None, transfer: Observation | None, tell: Progress
 ) -> Diagnosis:
     tell("refit", 0.0)
-    fitted = study(observation, twin)
+    fitted = study(observation, twin or guessed_twin(observation, transfer))
     other = None if transfer is None else _another(fitted, transfer)
     screened = screen(fitted, other, tell)
     contest = contested(fitted, screened, tell)

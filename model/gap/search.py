@@ -172,6 +172,10 @@ def _found(
     every = known(misfit, study.base.values, tried)
     able = affordable(misfit, every, strengths)
     starts = _vectors(misfit, able)
+    eased = [_beside(misfit, start) for start in starts]
+    if any(each is not None for each in eased):
+        able = able + [one for one, each in zip(able, eased, strict=True) if each is not None]
+        starts = np.concatenate([starts, [each for each in eased if each is not None]])
     residuals = misfit(starts)
     promised = _linearly_left(study, residuals)
     best = int(promised.argmin())
@@ -242,6 +246,21 @@ def affordable(
 def _vectors(misfit: Misfit, starts: Sequence[Start]) -> Float64[Array, "s d"]:
     """Coordinates of each."""
     return np.stack([strong(misfit, start.values, start.factors) for start in starts])
+
+
+def _beside(misfit: Misfit, vector: Float64[Array, " d"]) -> Float64[Array, " d"] | None:
+    """The same with the twin's own parameters as they would be beside such effects; None: as they are."""
+    values = misfit.coordinates.values(vector)
+    factors: dict[str, float] = {}
+    for effect in misfit.hypothesis.effects:
+        own = {name: values[f"{effect.name}.{name}"] for name in effect.quantities}
+        for name, factor in effect.beside(own).items():
+            factors[name] = factors.get(name, 1.0) * factor
+    if not factors:
+        return None
+    other = misfit.coordinates.vector({**values, **{n: by * values[n] for n, by in factors.items()}})
+    clipped: Float64[Array, " d"] = np.clip(other, *misfit.coordinates.bounds)
+    return clipped
 
 
 def strong(misfit: Misfit, values: Mapping[str, float], factors: Sequence[float]) -> Float64[Array, " d"]:

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 from scipy.stats import qmc
 
-from model.gap.bodies.body import body_of
 from model.gap.erring_hand import HAND, HOLD
 from model.gap.estimate import FIRST_HORIZON, Estimate, estimate
+from model.gap.guessed_twin import guessed_twin
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit, Span
 from model.gap.noise import noise_of
@@ -110,7 +110,7 @@ def study(observation: Observation, twin: PlainTwin | None = None) -> Study:
         observation: What really moved.
         twin: What it is compared with; None: made from the observation's first frame.
     """
-    twin = twin or PlainTwin.of(body_of(observation), observation)
+    twin = twin or guessed_twin(observation)
     noise = noise_of(observation)
     misfit, start = misfit_of(twin, observation, noise)
     base, split = best_fit(misfit, start), misfit.span.last + 1

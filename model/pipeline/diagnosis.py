@@ -6,10 +6,9 @@ from pathlib import Path
 
 from model.bundle import TwinBundle
 from model.doubts import collect_doubts
-from model.gap.bodies.body import body_of
 from model.gap.diagnosis import Diagnosis
 from model.gap.given import given_twin
-from model.gap.plain import PlainTwin
+from model.gap.guessed_twin import guessed_twin
 from model.gap.registration import moved_alike
 from model.gap.result import DiagnosisResult
 from model.gap.taken import Taken
@@ -43,7 +42,7 @@ def diagnose(
         if given is not None and other is not None:
             other = moved_alike(other, seen, given.observation)
         found = find(seen if given is None else given.observation, given, other, report)
-    plain = given or PlainTwin.of(body_of(seen), seen)
+    plain = given or guessed_twin(seen, other)
     report("done", 1.0)
     return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle, taken)
 

@@ -12,6 +12,7 @@ from model.gap.bodies.borne import is_borne
 from model.gap.bodies.bridged import bridged
 from model.gap.bodies.guess import Shape, guess_shape
 from model.gap.bodies.hidden import hidden_points, hiding
+from model.gap.bodies.landed import landed
 from model.gap.bodies.neighbours import pairs_within
 from model.gap.bodies.reached import bar, held_from_afar
 from model.gap.bodies.rest import rest_places
@@ -170,7 +171,7 @@ def _joined(
     if shape == "sheet":
         points, spacing = net(places, scale)
     else:
-        below = underside(observation, places)
+        below = np.concatenate([underside(observation, places), landed(observation, seen)])
         points, spacing = lattice(np.concatenate([places, below]), scale)
     hands = observation.controllers[0, hiding(points, seen, observation, spacing)].astype(np.float64)
     points = np.concatenate([points, hidden_points(points, hands, shape, spacing)])

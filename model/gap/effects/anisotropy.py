@@ -129,6 +129,11 @@ class Anisotropy(Effect):
             FibreSpring(spring_stiffness(world), along, values["excess"], slackness_of(world))
         )
 
+    def beside(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """A softer body, as stiff with its fibres on average of all directions as it was without."""
+        mean = 1.0 / (2.0 * values["sharpness"] + 1.0)  # of cos^2s over a sphere
+        return {"stiffness": 1.0 / (1.0 + values["excess"] * mean)}
+
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
         """Fibres in another direction; of their two ends the one that is far from the bounds of azimuth."""
         azimuth, elevation = wrapped(values["azimuth"] + angle), values["elevation"]

@@ -91,6 +91,17 @@ class Effect(ABC):
         """It may act in any part of the body: the law does not say where."""
         return self.acts == "body" and type(self).strength is Effect.strength
 
+    def beside(self, values: Mapping[str, float]) -> Mapping[str, float]:
+        """Factors of the twin's own parameters by which it may be looked at as well.
+
+        A plain twin has made up for what it lacks: with fibres it is too stiff across them, and their search
+        would end where there are hardly any.
+
+        Args:
+            values: Of its quantities.
+        """
+        return {}
+
     def turned(self, values: Mapping[str, float], angle: float) -> dict[str, float]:
         """The values of the same effect where all is turned by this angle [rad] about the vertical."""
         return dict(values)

@@ -6,7 +6,14 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from model.gap.effects import ActuationDelay, BendingStiffness, Plasticity, QuadraticAirDrag, StrainStiffening
+from model.gap.effects import (
+    ActuationDelay,
+    Anisotropy,
+    BendingStiffness,
+    Plasticity,
+    QuadraticAirDrag,
+    StrainStiffening,
+)
 from model.gap.effects.base import Quantity
 from model.gap.fields import halves_of, tensor
 from model.gap.meeting import able_effects
@@ -120,6 +127,26 @@ def test_what_a_given_twin_came_with_is_begun_from_as_well(dragged, monkeypatch,
     near = stiffness == pytest.approx(dragged.base.values["stiffness"], rel=0.5)
     assert near == given
     assert (found.left < 0.7 * dragged.base.cost) == given
+
+
+def test_own_parameters_are_looked_at_as_they_would_be_beside_an_effect(pulled, studied, monkeypatch):
+    """A plain twin has made up for strong fibres by being too stiff across them."""
+    study, fibres, looked = studied(pulled), Anisotropy(), []
+    asked = Misfit.__call__
+
+    def seen(misfit, starts):
+        looked.append([misfit.coordinates.values(each) for each in starts])
+        return asked(misfit, starts)
+
+    monkeypatch.setattr(Misfit, "__call__", seen)
+    beginning(study, (fibres,), named_probes(study, fibres))
+    count, own = len(looked[0]) // 2, study.base.values["stiffness"]
+    assert count >= len(STRENGTHS)
+    for alone, eased in zip(looked[0][:count], looked[0][count:], strict=True):
+        values = {name: alone[f"anisotropy.{name}"] for name in fibres.quantities}
+        assert alone["stiffness"] == pytest.approx(own)
+        assert eased["stiffness"] == pytest.approx(own * fibres.beside(values)["stiffness"])
+        assert {**eased, "stiffness": own} == pytest.approx(alone)
 
 
 def test_what_acts_in_a_half_begins_in_that_half(pulled, studied):

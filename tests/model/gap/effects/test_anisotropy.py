@@ -59,3 +59,12 @@ def test_turned_fibres_are_the_same_axis_far_from_the_bounds(fan, angle):
         atol=1e-9,
         rtol=1e-9,
     )
+
+
+@pytest.mark.parametrize(("excess", "sharpness"), [(0.7, 2.0), (11.2, 2.0), (3.0, 5.0)])
+def test_beside_its_fibres_a_body_is_as_stiff_on_average_as_it_was(excess, sharpness):
+    values = {"excess": excess, "azimuth": 0.4, "elevation": 0.3, "sharpness": sharpness}
+    ways = np.random.default_rng(0).normal(size=(200_000, 3))
+    along = np.abs(ways[:, 0] / np.linalg.norm(ways, axis=1)) ** (2.0 * sharpness)
+    softer = Anisotropy().beside(values)["stiffness"]
+    assert softer * (1.0 + excess * along).mean() == pytest.approx(1.0, rel=0.02)
