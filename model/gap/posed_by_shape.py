@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from model.errors import InputError
 from model.gap.bodies.body import Body, body_of
 from model.gap.bodies.rope import is_line
+from model.gap.bodies.turns import nearest_rotation
 from model.gap.registration import TURNS, Motion, rigid_motion
 from model.gap.size import size_of
 from model.types import Array, Observation
@@ -231,10 +232,7 @@ def _local_turns(
     each = after[:, :, None] * before[:, None, :]
     np.add.at(spread, here, each)
     np.add.at(spread, there, each)
-    left, _, right = np.linalg.svd(spread)
-    left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
-    turns: Float64[Array, "P 3 3"] = left @ right
-    return turns
+    return nearest_rotation(spread)
 
 
 def _pairs(

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from model.errors import InputError
 from model.gap.bodies.first import first_places
+from model.gap.bodies.turns import nearest_rotation
 from model.gap.size import size_of
 from model.types import Array, Observation
 
@@ -152,9 +153,7 @@ def _settled(
 def rigid_motion(here: Float64[Array, "N 3"], there: Float64[Array, "N 3"]) -> Motion:
     """The rigid motion that brings points nearest to others, in the mean square."""
     middle, target = here.mean(0), there.mean(0)
-    left, _, right = np.linalg.svd((there - target).T @ (here - middle))
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    rotation = left @ mirror @ right
+    rotation = nearest_rotation((there - target).T @ (here - middle))
     return Motion(rotation, target - rotation @ middle)
 
 

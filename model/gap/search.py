@@ -172,10 +172,10 @@ def _found(
     every = known(misfit, study.base.values, tried)
     able = affordable(misfit, every, strengths)
     starts = _vectors(misfit, able)
-    eased = [_beside(misfit, start) for start in starts]
-    if any(each is not None for each in eased):
-        able = able + [one for one, each in zip(able, eased, strict=True) if each is not None]
-        starts = np.concatenate([starts, [each for each in eased if each is not None]])
+    eased = [(one, _beside(misfit, start)) for one, start in zip(able, starts, strict=True)]
+    beside = [(one, there) for one, there in eased if there is not None]
+    able += [one for one, _ in beside]
+    starts = np.stack([*starts, *(there for _, there in beside)])
     residuals = misfit(starts)
     promised = _linearly_left(study, residuals)
     best = int(promised.argmin())

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
+from model.gap.bodies.frames import frames_of
 from model.gap.bodies.let_go import let_go
 from model.gap.bodies.neighbours import covering_points
 from model.gap.diagnosable import (
@@ -130,16 +131,6 @@ class Taken:
             PartShare(part=int(label), share=min(float(share), 1.0))
             for label, share in zip(labels, shares, strict=True)
         )
-
-
-def frames_of(observation: Observation, frames: slice) -> Observation:
-    """Some frames of a recording."""
-    return replace(
-        observation,
-        times=observation.times[frames],
-        points=observation.points[frames],
-        controllers=observation.controllers[frames],
-    )
 
 
 def points_of(observation: Observation, points: Int64[Array, " n"]) -> Observation:

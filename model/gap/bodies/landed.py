@@ -5,14 +5,14 @@ behind the points that are seen, and rests on other points than it does when it 
 is known.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from model.gap.bodies.falling import falls
+from model.gap.bodies.frames import frames_of
 from model.gap.bodies.rest import rest_places
+from model.gap.bodies.turns import nearest_rotation
 from model.gap.bodies.underside import underside
 from model.gap.noise import noise_of
 from model.gap.size import size_of
@@ -39,12 +39,7 @@ def landed(observation: Observation, seen: Float64[Array, "N 3"]) -> Float64[Arr
     frame = _lying(observation, seen)
     if frame is None:
         return none
-    later = replace(
-        observation,
-        times=observation.times[frame:],
-        points=observation.points[frame:],
-        controllers=observation.controllers[frame:],
-    )
+    later = frames_of(observation, slice(frame, None))
     there = rest_places(later)
     known, both = np.isfinite(seen[:, 0]), np.isfinite(there[:, 0] + seen[:, 0])
     if both.sum() < FRIENDS:
@@ -71,18 +66,12 @@ def _lying(observation: Observation, seen: Float64[Array, "N 3"]) -> int | None:
 def carried(
     places: Float64[Array, "U 3"], here: Float64[Array, "M 3"], there: Float64[Array, "M 3"]
 ) -> Float64[Array, "U 3"]:
-    """Places that turn and shift as the points nearest to them do, from `here` to `there` [m].
-
-    Reference:
-        Kabsch (1976), A solution for the best rotation to relate two sets of vectors, Acta
-        Crystallographica A 32.
-    """
+    """Places that turn and shift as the points nearest to them do, from `here` to `there` [m]."""
     if not len(places):
         return places
     near = cKDTree(here).query(places, k=min(FRIENDS, len(here)))[1]
     before, after = here[near], there[near]
     one, other = before.mean(1, keepdims=True), after.mean(1, keepdims=True)
-    left, _, right = np.linalg.svd((before - one).swapaxes(1, 2) @ (after - other))
-    left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
-    moved: Float64[Array, "U 3"] = (other + (places[:, None] - one) @ (left @ right))[:, 0]
+    turns = nearest_rotation((before - one).swapaxes(1, 2) @ (after - other))  # of row vectors
+    moved: Float64[Array, "U 3"] = (other + (places[:, None] - one) @ turns)[:, 0]
     return moved

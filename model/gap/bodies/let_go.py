@@ -1,10 +1,9 @@
 """When an object is let go that something unseen has held still."""
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Float64
 
+from model.gap.bodies.frames import frames_of
 from model.gap.noise import noise_of
 from model.types import Array, Observation
 
@@ -49,13 +48,7 @@ def let_go(observation: Observation) -> int:
 
 def after_let_go(observation: Observation) -> Observation:
     """The recording from when the object is let go on; as it is where nothing unseen holds it."""
-    first = let_go(observation)
-    return replace(
-        observation,
-        times=observation.times[first:],
-        points=observation.points[first:],
-        controllers=observation.controllers[first:],
-    )
+    return frames_of(observation, slice(let_go(observation), None))
 
 
 def _farthest(places: Float64[Array, "T n 3"]) -> Float64[Array, " T"]:

@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.spatial import cKDTree
 
 from model.gap.bodies.first import first_places
+from model.gap.bodies.turns import nearest_rotation
 from model.gap.noise import noise_of
 from model.types import Array, Observation
 
@@ -32,10 +33,6 @@ def rest_places(observation: Observation) -> Float64[Array, "N 3"]:
 
     Args:
         observation: What was seen.
-
-    Reference:
-        Kabsch (1976), A solution for the best rotation to relate two sets of vectors, Acta
-        Crystallographica A 32.
     """
     taken = np.unique(np.linspace(0, len(observation.times) - 1, FRAMES).round().astype(int))
     points = observation.points[taken].astype(np.float64)
@@ -101,10 +98,7 @@ def _told(
     before_middle = (weight * places).sum(1, keepdims=True) / count
     now_middle = (weight * now).sum(1, keepdims=True) / count
     before, after = weight * (places - before_middle), weight * (now - now_middle)
-    left, _, right = np.linalg.svd(before.swapaxes(1, 2) @ after)
-    sign = np.sign(np.linalg.det(left @ right))
-    left[..., -1] *= sign[:, None]
-    turn = left @ right  # of row vectors, from then to now
+    turn = nearest_rotation(before.swapaxes(1, 2) @ after)  # of row vectors, from then to now
     change = (((after - before @ turn) ** 2).sum((1, 2))) / (3.0 * count[:, 0, 0])
     back = before_middle[:, 0] + ((here - now_middle[:, 0])[:, None] @ turn.swapaxes(1, 2))[:, 0]
     trust = 1.0 / (noise**2 + STIFFER**2 * np.maximum(change - noise**2, 0.0))
