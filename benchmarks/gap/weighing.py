@@ -3,15 +3,17 @@
     python -m benchmarks.gap.weighing gather out/worlds/clear --out out/told/clear
     python -m benchmarks.gap.weighing gather out/worlds/dev --out out/told/dev
     python -m benchmarks.gap.weighing train out/told/clear out/told/dev --out model/gap/weighing.json
+    python -m benchmarks.gap.weighing lattices out/worlds/dev --out out/told/dev
     python -m benchmarks.gap.weighing opened out/test out/test_checked --out out/told/test
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
 sealed labels are refused. What the folder holds is not done again, and a world whose effect is too faint to
-learn from (`SEEN`) is not done at all. `opened` takes test worlds as they come out of `matphys gap-benchmark
-out/test --out out/test_checked`, which diagnosed them sealed and then opened them. `train` fits eleven
-weights, and says how well they do on worlds that they have not seen: one at a time, all of one shape, with
-one effect, or by one generator; how well those do that ship; and what healthy twins leave, which a verdict
-takes for usual (`HEALTHY` in `model/gap/weighing.py`).
+learn from (`SEEN`) is not done at all. `lattices` asks of accounts that were gathered before this was asked
+what the twin leaves of itself on other lattices, after its first fit. `opened` takes test worlds as they
+come out of `matphys gap-benchmark out/test --out out/test_checked`, which diagnosed them sealed and then
+opened them. `train` fits eleven weights, and says how well they do on worlds that they have not seen: one at
+a time, all of one shape, with one effect, or by one generator; how well those do that ship; and what healthy
+twins leave, which a verdict takes for usual (`RESIDUE`, `WIDTH` and `HEALTHY` in `model/gap/weighing.py`).
 """
 
 import argparse
@@ -26,19 +28,23 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 from scipy.special import logsumexp
-from scipy.stats import iqr
+from scipy.stats import iqr, norm, spearmanr
 
 from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
 from model.errors import InputError
-from model.gap.account import MEANING, Account
+from model.gap.account import MEANING, Account, against_ordinary
 from model.gap.benchmark.labels import Label, open_labels
 from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
 from model.gap.benchmark.scores import calibration_error
 from model.gap.classifier import NONE, UNKNOWN
 from model.gap.diagnose import diagnose
+from model.gap.guessed_twin import guessed_twin
+from model.gap.lattices import left_here, left_there
 from model.gap.schema import EFFECT_NAMES, VerdictName
+from model.gap.study import study
+from model.gap.transfer import Followed, transferred
 from model.gap.verdict import Judged
 from model.gap.weighing import Weighing, unexplained
 from model.types import Array
@@ -68,6 +74,8 @@ EXPLAINING = ("fitted", "later", "elsewhere", "slowly", "slowly_elsewhere", "har
 """No answer is believed less for explaining more."""
 TENTH = 0.1
 """Share of what a flexible force explains from which on it is counted that no effect explains it."""
+RESIDUES = (1e-3, 1e3)
+"""Over the noise: less and more than any twin leaves beside what it leaves of other lattices."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
 
 
@@ -140,6 +148,27 @@ def gathered(label: Label, folder: Path, out: Path) -> str:
     account = diagnose(taken.observation, transfer=transfer).account
     assert account is not None
     return Told.of(label, folder.name, account).write(out)
+
+
+def asked(label: Label, folder: Path, out: Path) -> str:
+    """What a twin leaves of itself on other lattices, beside what is told of the world already."""
+    path = out / f"{label['world']}.json"
+    known = Told.read(path)
+    if known.account.lattices:
+        return path.name
+    warnings.simplefilter("ignore")
+    taken, transfer = taken_of(folder / f"{label['world']}.npz")
+    fitted = study(taken.observation, guessed_twin(taken.observation, transfer))
+    values, noise = fitted.base.values, [fitted.misfit.noise]
+    left = [left_here(fitted, fitted.misfit, values)]
+    if transfer is not None:
+        other = transferred(fitted, transfer)
+        there = other.study(fitted)
+        left.append(left_there(fitted, other, values, Followed(there.misfit, there.base)))
+        noise.append(other.told_noise)
+    told = (None if one is None else against_ordinary(one, by) for one, by in zip(left, noise, strict=True))
+    account = replace(known.account, lattices=tuple(told))
+    return replace(known, account=account).write(out)
 
 
 def opened(folder: Path, checked: Path, out: Path) -> int:
@@ -234,7 +263,9 @@ def once(worlds: Sequence[Told]) -> list[Told]:
 
 
 def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
-    """What plain twins leave where nothing is missing, by shape: `beyond` of a verdict is told against it.
+    """What plain twins leave where nothing is missing, by shape.
+
+    What a twin leaves is told against it (`beyond`) where nobody knows what other lattices leave.
 
     Returns:
         Median of the logarithm, the standard deviation of a normal distribution with the same quartiles, and
@@ -250,6 +281,40 @@ def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
         if width > 0.0:
             found[shape] = (float(np.median(each)), width, len(each))
     return found
+
+
+def beside_lattices(worlds: Sequence[Told]) -> Float64[Array, "n 2"]:
+    """What twins leave where nothing is missing, and what they leave of themselves on other lattices."""
+    pairs = [
+        (left, lattices)
+        for one in once(worlds)
+        if one.kind == NONE
+        for left, lattices in zip(one.account.left, one.account.lattices, strict=False)
+        if lattices is not None
+    ]
+    return np.array(pairs).reshape(-1, 2)
+
+
+def usual_beside_lattices(pairs: Float64[Array, "n 2"]) -> tuple[float, float]:
+    """How much plain twins leave where nothing is missing beside what they leave of other lattices.
+
+    Args:
+        pairs: From `beside_lattices`.
+
+    Returns:
+        That, over the noise, with which half of the recordings leave less in all; and the standard deviation
+        of a normal distribution with the same tenths at its ends of the logarithm of what is left over that:
+        estimates by two lattices have long tails.
+    """
+    left, lattices = pairs.T
+
+    def over(residue: float) -> Float64[Array, " n"]:
+        logarithm: Float64[Array, " n"] = np.log(left) - np.log(np.exp(residue) + lattices)
+        return logarithm
+
+    residue = float(brentq(lambda each: np.median(over(each)), *np.log(RESIDUES)))
+    width = iqr(over(residue), rng=(10, 90), scale=2.0 * norm.ppf(0.9))
+    return float(np.exp(residue)), float(width)
 
 
 def left_over(worlds: Sequence[Told]) -> dict[str, list[float]]:
@@ -287,6 +352,12 @@ def learn(folders: Sequence[Path], out: Path | None) -> None:
     _row("nothing: the weights that ship", [(one, Weighing.shipped().judged(one.account)) for one in both])
     for shape, (median, width, count) in usual(both).items():
         print(f"{shape}: ln of what healthy twins leave in {count} recordings {median:.2f} ± {width:.2f}")
+    pairs = beside_lattices(both)
+    if len(pairs):
+        residue, width = usual_beside_lattices(pairs)
+        alike = spearmanr(pairs).statistic
+        print(f"healthy twins leave what they do on other lattices and {residue:.2f}, ± {width:.2f} of ln")
+        print(f"in {len(pairs)} recordings; the rank correlation of the two is {alike:.2f}")
     for name, shares in left_over(both).items():
         much = sum(share > TENTH for share in shares)
         told = f"{much} of {len(shares)} worlds {name}"
@@ -322,6 +393,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ask_kinds(gathering)
     gathering.add_argument("--out", type=Path, required=True)
     gathering.add_argument("--workers", type=int, default=2)
+    asking = commands.add_parser("lattices", help="ask of accounts what other lattices leave")
+    asking.add_argument("worlds", type=Path)
+    ask_kinds(asking)
+    asking.add_argument("--out", type=Path, required=True, help="where the accounts are")
+    asking.add_argument("--workers", type=int, default=2)
     opening = commands.add_parser("opened", help="test worlds that a check has opened")
     opening.add_argument("worlds", type=Path)
     opening.add_argument("checked", type=Path, help="the --out of `matphys gap-benchmark`")
@@ -342,6 +418,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     labels = open_labels_of(options.worlds, parser, "weights are learned from")
     labels = [label for label in labels if label["kind"] in options.kind]
+    if options.command == "lattices":
+        there = [label for label in labels if (options.out / f"{label['world']}.json").is_file()]
+        done_by(options.workers, [partial(asked, label, options.worlds, options.out) for label in there])
+        return 0
     told = [label for label in labels if seen(label.get("magnitude"))]
     if len(told) < len(labels):
         print(f"{len(labels) - len(told)} of {len(labels)} worlds are too faint to learn from", flush=True)

@@ -21,6 +21,8 @@ FINEST = 1e-3
 """No lattice follows a body more closely than this [m], however good the sensor: what is left is told against
 no less noise."""
 
+MUCH, NOISE = 0.5, 2.0
+"""Share of what is left, and times the noise, from which what other lattices leave is worth a word."""
 LEAST = 1e-12
 """Of what is left: as good as nothing."""
 
@@ -80,6 +82,9 @@ class Account:
     flexible: Explained | None = None
     """By a force that may be any missing physics (`ceiling`), fitted to the first recording; None: nobody
     asked."""
+    lattices: tuple[float | None, ...] = ()
+    """What the plain twin leaves in each recording of itself on other lattices (`lattices`), told as `left`
+    is; None: there are none; empty: nobody asked."""
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> "Account":
@@ -91,7 +96,8 @@ class Account:
         left = tuple(content["left"])
         told = content.get("flexible")
         flexible = None if told is None else Explained(**told)
-        return cls(content["shape"], content["screened"], explained, shared, left, flexible)
+        lattices = tuple(content.get("lattices", ()))
+        return cls(content["shape"], content["screened"], explained, shared, left, flexible, lattices)
 
     @property
     def told(self) -> Mapping[EffectName, Explained]:
@@ -99,9 +105,15 @@ class Account:
         return self.shared or self.explained
 
     @property
+    def of_lattice(self) -> bool:
+        """The twin leaves half as much of itself on other lattices as of what was seen, or more."""
+        lattices = self.lattices[0] if self.lattices else None
+        return lattices is not None and lattices > max(MUCH * self.left[0], NOISE)
+
+    @property
     def alone(self) -> "Account":
         """The same without the other recording."""
-        return replace(self, shared={}, left=self.left[:1])
+        return replace(self, shared={}, left=self.left[:1], lattices=self.lattices[:1])
 
 
 def against_ordinary(left: float, noise: float) -> float:

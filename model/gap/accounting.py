@@ -6,6 +6,7 @@ from model.gap.account import Account, Explained, against_ordinary
 from model.gap.confirm import Fitted, held_out
 from model.gap.forecast import forecast
 from model.gap.joint import fitted_jointly
+from model.gap.lattices import left_here, left_there
 from model.gap.schema import EFFECT_NAMES
 from model.gap.side_by_side import side_by_side
 from model.gap.slowly import explained_slowly, left_slowly
@@ -54,6 +55,8 @@ def account_of(
     explained = {name: told(one) for name, one in confirmed.items()}
     shared: dict[EffectName, Explained] = {}
     left = [against_ordinary(cost, fitted.misfit.noise)]
+    values = plain.estimate.values
+    lattices = [_told(left_here(fitted, plain.misfit, values), fitted.misfit.noise)]
     if other is not None:
         # as many rounds as an effect gets there: to be followed, and from hardly any of it to be shared
         there = other.further(other.further(other.followed(plain)))
@@ -74,6 +77,7 @@ def account_of(
                 (explained_slowly(slowly, both.slowly[0]), explained_slowly(slowly_there, both.slowly[1])),
             )
         left.append(against_ordinary(there.estimate.cost, other.told_noise))
+        lattices.append(_told(left_there(fitted, other, values, there), other.told_noise))
     return Account(
         fitted.plain.twin.body.shape,
         {name: screened.chances[name] for name in EFFECT_NAMES},
@@ -81,4 +85,10 @@ def account_of(
         shared,
         tuple(left),
         told(flexible),
+        tuple(lattices),
     )
+
+
+def _told(left: float | None, noise: float) -> float | None:
+    """What is left of other lattices, against an ordinary sensor; None: there are none."""
+    return None if left is None else against_ordinary(left, noise)

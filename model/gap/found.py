@@ -143,6 +143,12 @@ class Found:
             for name in idle(self.plain.world, self.study.plain.twin.carried)
         ]
         said += self.located.warnings
+        if self.tried.account.of_lattice:
+            said.append(
+                "twins that differ from this one by nothing but their lattice follow each other here about "
+                "as badly as it follows what was seen (it folds, topples or whips): what is left tells "
+                "little of what is missing, and a calmer motion would tell more"
+            )
         idle_there = self.there is not None and self.there.idle
         if idle_there and chosen is not None:
             said.append(

@@ -188,6 +188,17 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     Raises:
         InputError: too few points are seen in both, or what is seen there is another object.
     """
+    other = laid_there(study, observation)
+    _say_idle(other.twin, _world_there(study, other.twin))
+    return replace(other, own=_own(study, replace(study.plain, twin=other.twin), other))
+
+
+def laid_there(study: Study, observation: Observation) -> Transferred:
+    """The same before anything of it is fitted there: `own` is empty.
+
+    Raises:
+        InputError: as `transferred`.
+    """
     twin = study.plain.twin
     here, there = rest_places(study.observation), rest_places(observation)
     if same_points(study.observation, observation):
@@ -203,16 +214,19 @@ def transferred(study: Study, observation: Observation) -> Transferred:
     twin = replace(twin, body=body)
     turned = _held_alike(twin, study.observation, observation, points)
     twin = turned or _held_anew(twin, observation, there, points)
-    world = replace(study.plain, twin=twin)
-    made = world.at({name: study.base.values.get(name, q.start) for name, q in world.quantities.items()})
-    _say_idle(twin, made)
+    made = _world_there(study, twin)
     places = torch.from_numpy(points).to(made.system.points)
     times = observation.times - observation.times[0]
     first = max(int(np.searchsorted(times, SETTLING * PATIENCE)), round(LOOKED_AT * len(times)))
     first = max(1, min(first, len(times) // 2))
     state, observer = State(places, torch.zeros_like(places)), Observer(observation, made, PATIENCE)
-    other = Transferred(twin, state, observer, first, {}, noise_of(observation))
-    return replace(other, own=_own(study, world, other))
+    return Transferred(twin, state, observer, first, {}, noise_of(observation))
+
+
+def _world_there(study: Study, twin: PlainTwin) -> World:
+    """Of a twin as it is laid there, with the parameters of the first recording."""
+    plain = replace(study.plain, twin=twin)
+    return plain.at({name: study.base.values.get(name, q.start) for name, q in plain.quantities.items()})
 
 
 def _say_idle(twin: PlainTwin, world: World) -> None:

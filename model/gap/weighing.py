@@ -20,10 +20,14 @@ IMPOSSIBLE = 1e-9
 BUCKLES, SLACK = ("rope", "sheet"), "tension_only"
 """What is thin folds between the points of its twin. One that cannot, a rope's or one that was given, is too
 stiff against being pressed together: slack springs explain that, healthy or not."""
+RESIDUE, WIDTH = 1.62, 0.60
+"""Where nothing is missing a plain twin leaves so much, over the noise, and as much again as it leaves of
+itself on other lattices, give or take so many powers of e: of development worlds
+(`python -m benchmarks.gap.weighing train`), as below.
+"""
 HEALTHY = {"rope": (0.77, 0.51), "sheet": (1.61, 0.92), "solid": (0.82, 0.48)}
-"""Of the logarithm of what a plain twin leaves, over the noise, where nothing is missing: the median, and as
-a width the standard deviation of a normal distribution with the same quartiles, of development worlds
-(`python -m benchmarks.gap.weighing train`). No lattice is the world, and a fold leaves much more.
+"""Of the logarithm of what a plain twin leaves where nobody knows what other lattices would: the median, and
+as a width the standard deviation of a normal distribution with the same quartiles.
 """
 MOST_BEYOND = (-1.0, 4.0)
 """Widths that what is left in a recording counts at most as fewer or more."""
@@ -111,6 +115,7 @@ class Weighing:
 
     def _fitted(self, account: Account) -> Mapping[EffectName, float]:
         thin = account.shape in BUCKLES
+        surely = {name: surely_explained(account, one) for name, one in account.told.items()}
         return {
             name: self.effect
             + self.fitted * one.fitted
@@ -119,9 +124,9 @@ class Weighing:
             + self.slowly * one.slowly
             + self.slowly_elsewhere * one.slowly_elsewhere
             + self.harm * min(one.elsewhere, 0.0)
-            - self.left * beyond(account, one)
+            - self.left * beyond(account, account.told[name])
             + (self.buckling if thin and name == SLACK else 0.0)
-            for name, one in account.told.items()
+            for name, one in surely.items()
         }
 
 
@@ -130,12 +135,37 @@ def unexplained(account: Account) -> float:
 
     In the frames of the fit and as a slow observer sees them together; 0 where nobody asked.
     """
-    force = account.flexible
-    if force is None:
+    if account.flexible is None:
         return 0.0
-    most = max((one.fitted + one.slowly for one in account.explained.values()), default=0.0)
+    force = surely_explained(account, account.flexible)
+    sure = (surely_explained(account, one) for one in account.explained.values())
+    most = max((one.fitted + one.slowly for one in sure), default=0.0)
     there = force.fitted + force.slowly
     return max(there - max(most, 0.0) - SLIGHT, 0.0) / max(there, SLIGHT)
+
+
+def surely_explained(account: Account, explained: Explained) -> Explained:
+    """What is explained for sure: as much as the twin leaves of itself on other lattices is left by chance.
+
+    Where L is left without an effect, M with it and D of other lattices, the e-folds ln(L / M) count as
+    ln((L + D) / (M + D)): as they are where all lattices go alike, as next to nothing where D is most of L.
+    """
+    known = (*account.lattices, None, None)
+    here, there = (
+        0.0 if lattices is None else lattices / max(left, LEAST)
+        for lattices, left in zip(known, (*account.left, LEAST)[:2], strict=False)
+    )
+
+    def sure(e_folds: float, share: float) -> float:
+        return float(np.log((1.0 + share) / (np.exp(-e_folds) + share)))
+
+    return Explained(
+        fitted=sure(explained.fitted, here),
+        later=sure(explained.later, here),
+        elsewhere=sure(explained.elsewhere, there),
+        slowly=sure(explained.slowly, here),
+        slowly_elsewhere=sure(explained.slowly_elsewhere, there),
+    )
 
 
 def beyond(account: Account, explained: Explained | None = None) -> float:
@@ -146,6 +176,19 @@ def beyond(account: Account, explained: Explained | None = None) -> float:
         explained: How much less of that is left with an effect; None: of the plain twin.
     """
     less = (0.0, 0.0) if explained is None else (explained.fitted, explained.elsewhere)
-    median, width = HEALTHY[account.shape]
     left = [np.log(max(one, LEAST)) - by for one, by in zip(account.left, less, strict=False)]
+    known = account.lattices or (None,) * len(left)
+    median, width = np.transpose([usual(account.shape, lattices) for lattices in known])
     return float(np.clip((np.array(left) - median) / width, *MOST_BEYOND).mean())
+
+
+def usual(shape: str, lattices: float | None) -> tuple[float, float]:
+    """Of the logarithm of what a plain twin leaves where nothing is missing: the median and the width.
+
+    Args:
+        shape: Of the object.
+        lattices: What the twin leaves of itself on other lattices; None: that is not known.
+    """
+    if lattices is None:
+        return HEALTHY[shape]
+    return float(np.log(RESIDUE + lattices)), WIDTH

@@ -9,12 +9,24 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from benchmarks.gap.weighing import USUAL, Told, learned, left_over, main, scores, told_in, unseen, usual
+from benchmarks.gap.weighing import (
+    USUAL,
+    Told,
+    beside_lattices,
+    learned,
+    left_over,
+    main,
+    scores,
+    told_in,
+    unseen,
+    usual,
+    usual_beside_lattices,
+)
 from benchmarks.reality.labels import write_labels
 from model.errors import InputError
 from model.gap.account import MEANING, Account, Explained
 from model.gap.schema import EFFECT_NAMES
-from model.gap.weighing import HEALTHY, WEIGHTS, Weighing
+from model.gap.weighing import HEALTHY, RESIDUE, WEIGHTS, WIDTH, Weighing
 
 TOLD = Path(__file__).parents[3] / "benchmarks" / "gap" / "told"
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
@@ -99,6 +111,23 @@ def test_what_healthy_twins_usually_leave_is_told_by_the_middle_half_of_all_reco
     )
 
 
+def test_beside_other_lattices_healthy_twins_leave_a_residue():
+    """Half of the recordings leave less than it and their lattices together, whatever these leave."""
+    lattices = [(0.0, 10.0), (3.0, 30.0), (None, 1.0)]
+    factors = [(1.0, 0.5), (2.0, 1.0), (9.0, 1.0)]
+    worlds = [told(i, ("none",), {}) for i in range(3)] + [told(3, ("wind",), {})]
+    for i, (each, by) in enumerate(zip(lattices, factors, strict=True)):
+        left = tuple(factor * (1.5 + (one or 0.0)) for one, factor in zip(each, by, strict=True))
+        account = replace(worlds[i].account, left=left, lattices=each)
+        worlds[i] = replace(worlds[i], account=account)
+    pairs = beside_lattices([*worlds, *(replace(one, account=one.account.alone) for one in worlds)])
+    assert len(pairs) == 5, "no recording counts twice, nor one of which nobody asked"
+    residue, width = usual_beside_lattices(pairs)
+    assert residue == pytest.approx(1.5)
+    # tenths of the logarithms of 0.5, 1, 1, 1, 2: 0.6 of the way from the middle to the ends
+    assert norm.cdf(0.6 * np.log(2.0) / width) == pytest.approx(0.9)
+
+
 def test_no_world_is_judged_by_weights_that_know_it(worlds, monkeypatch):
     known = []
     monkeypatch.setattr(
@@ -122,6 +151,7 @@ def test_the_weights_that_ship_are_those_of_the_accounts_in_this_repository():
     assert found == pytest.approx(shipped, abs=0.02)
     for shape, (median, width, _) in usual(worlds).items():
         assert (median, width) == pytest.approx(HEALTHY[shape], abs=0.006)
+    assert usual_beside_lattices(beside_lattices(worlds)) == pytest.approx((RESIDUE, WIDTH), abs=0.006)
 
 
 def test_a_faint_effect_is_not_learned_from_and_nothing_missing_is():
@@ -144,6 +174,31 @@ def test_objects_of_other_kinds_are_not_diagnosed(tmp_path, capsys):
     write_labels(tmp_path, [label], sealed=False)
     assert main(["gather", str(tmp_path), "--kind", "rope", "--out", str(tmp_path / "told")]) == 0
     assert list((tmp_path / "told").iterdir()) == []
+
+
+def test_what_other_lattices_leave_is_asked_of_accounts_that_do_not_tell_it(tmp_path, capsys):
+    times = np.arange(16) / 30.0
+    hanging = np.stack([np.linspace(0.0, 0.12, 8), np.zeros(8), -np.linspace(0.0, 0.2, 8)], -1)
+    for name, rate in (("rope", 6.0), ("rope.transfer", 4.0)):
+        hand = hanging[0] + np.stack([0.02 * np.sin(rate * times), 0 * times, 0 * times], -1)
+        moved = hanging + (hand - hand[0])[:, None] * np.linspace(1.0, 0.8, 8)[:, None]
+        places = moved + np.random.default_rng(0).normal(0, 1e-3, moved.shape)
+        np.savez(tmp_path / f"{name}.npz", times=times, points=places, controllers=hand[:, None])
+    label = {"world": "rope", "kind": "rope", "effects": [], "accepted": ["none"], "generator": "mujoco"}
+    write_labels(tmp_path, [label, label | {"world": "untold"}], sealed=False)
+    out = tmp_path / "told"
+    out.mkdir()
+    before = replace(told(0, ("none",), {}), world="rope")
+    path = out / before.write(out)
+    assert main(["lattices", str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
+    after = Told.read(path)
+    assert replace(after.account, lattices=()) == before.account
+    assert len(after.account.lattices) == 2
+    assert all(one >= 0.0 for one in after.account.lattices)
+    written = path.stat().st_mtime_ns
+    assert main(["lattices", str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
+    assert path.stat().st_mtime_ns == written, "what is told already is not asked again"
+    assert [one.name for one in out.iterdir()] == [path.name]
 
 
 def test_a_world_that_cannot_be_diagnosed_is_said_and_the_others_go_on(tmp_path, capsys):

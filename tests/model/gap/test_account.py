@@ -1,7 +1,7 @@
 """What an effect explains, by part of what was seen."""
 
 import json
-from dataclasses import asdict, astuple
+from dataclasses import asdict, astuple, replace
 
 import numpy as np
 import pytest
@@ -47,10 +47,10 @@ def test_what_is_seen_slowly_counts_by_itself():
 
 def test_without_the_other_recording():
     here, both = {"wind": Explained(0.5, 0.4)}, {"wind": Explained(0.4, 0.3, 0.9)}
-    account = Account("rope", {"wind": 0.1}, here, both, (4.0, 2.0))
+    account = Account("rope", {"wind": 0.1}, here, both, (4.0, 2.0), lattices=(0.5, None))
     assert account.told == both
     alone = account.alone
-    assert alone == Account("rope", {"wind": 0.1}, here, {}, (4.0,))
+    assert alone == Account("rope", {"wind": 0.1}, here, {}, (4.0,), lattices=(0.5,))
     assert alone.told == alone.explained
 
 
@@ -64,13 +64,25 @@ def test_a_better_sensor_makes_no_twin_worse():
     assert against_ordinary(3.0, 5e-3) == 3.0
 
 
+def test_a_twin_that_follows_itself_no_better_is_of_its_lattice():
+    """If that is more than noise: of a twin that leaves next to nothing its lattice leaves any share."""
+    account = Account("sheet", {}, {}, {}, (20.0, 1.5))
+    assert not account.of_lattice
+    assert not replace(account, lattices=(None, 1.4)).of_lattice
+    assert not replace(account, lattices=(3.0, 9.0)).of_lattice
+    assert replace(account, lattices=(15.0, 0.1)).of_lattice
+    assert replace(account, lattices=(30.0, None)).of_lattice
+    assert not replace(account, left=(1.5, 20.0), lattices=(1.4, 19.0)).of_lattice
+
+
 @pytest.mark.parametrize("flexible", [Explained(0.3, -0.1, slowly=0.2), None])
 def test_comes_back_as_it_was_told(flexible):
     here = {"wind": Explained(0.5, 0.4)}
-    account = Account("rope", {"wind": 0.1}, here, {}, (4.0,), flexible)
+    account = Account("rope", {"wind": 0.1}, here, {}, (4.0,), flexible, (0.5,))
     content = json.loads(json.dumps(asdict(account)))
     assert Account.of(content) == account
     assert Account.of(content).alone == account
     if flexible is None:
-        del content["flexible"]
-        assert Account.of(content) == account, "as accounts are that were told before anybody asked"
+        del content["flexible"], content["lattices"]
+        before = replace(account, lattices=())
+        assert Account.of(content) == before, "as accounts are that were told before anybody asked"

@@ -31,7 +31,8 @@ def test_of_one_recording(dragged, twin):
     assert one.elsewhere == one.slowly_elsewhere == 0.0
     assert account.shared == {}
     assert account.told == account.explained
-    assert len(account.left) == 1
+    assert len(account.left) == len(account.lattices) == 1
+    assert account.lattices[0] > 0.0
     assert set(account.screened) == set(EFFECT_NAMES)
     assert account.flexible == one, "all that is missing is explained as by the effect"
 
@@ -51,7 +52,8 @@ def test_of_two_an_effect_that_the_first_gets_wrong_explains_more_when_both_tell
     assert shared.slowly > 0.1
     assert shared.slowly_elsewhere > 0.1
     assert account.told == account.shared
-    assert len(account.left) == 2
+    assert len(account.left) == len(account.lattices) == 2
+    assert account.lattices[0] != account.lattices[1]
 
 
 def test_what_explains_nothing_is_tried_nowhere_else(hung, studied, shaken, twin):

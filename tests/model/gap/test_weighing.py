@@ -10,9 +10,13 @@ from model.gap.schema import EFFECT_NAMES
 from model.gap.weighing import (
     HEALTHY,
     MOST_BEYOND,
+    RESIDUE,
     SIMPLER,
     SLIGHT,
+    WIDTH,
     Weighing,
+    beyond,
+    surely_explained,
 )
 
 WEIGHTS = Weighing(
@@ -147,6 +151,23 @@ def test_a_twin_that_leaves_more_than_healthy_ones_do_lacks_something(shape):
     assert odds(one, "unknown") == pytest.approx(-2.0 + 0.5 * MOST_BEYOND[1]), "a fold says only so much"
 
 
+def test_what_other_lattices_leave_of_a_twin_is_no_sign_of_anything():
+    """A twin that follows itself on other lattices as badly as what was seen is as good as one can be."""
+    calm, wild = (replace(account("sheet", left=(40.0,)), lattices=(each,)) for each in (0.1, 40.0 - RESIDUE))
+    assert beyond(wild) == pytest.approx(0.0)
+    assert beyond(calm) == pytest.approx(min((np.log(40.0) - np.log(RESIDUE + 0.1)) / WIDTH, MOST_BEYOND[1]))
+    assert AGAINST.judged(wild).best == "none"
+    assert odds(AGAINST.judged(calm), "unknown") == pytest.approx(-2.0 + beyond(calm))
+    assert beyond(replace(calm, lattices=(None,))) == beyond(account("sheet", left=(40.0,)))
+
+
+def test_each_recording_has_its_own_lattices():
+    left = (RESIDUE * np.exp(WIDTH), 9.0 * RESIDUE)
+    two = replace(account("sheet", left=left), lattices=(0.0, 8.0 * RESIDUE))
+    assert beyond(two) == pytest.approx(0.5)
+    assert beyond(two.alone) == pytest.approx(1.0)
+
+
 def test_with_the_effect_that_is_missing_a_twin_leaves_as_little_as_healthy_ones_do():
     """So much of it as an effect explains speaks against it no more; what no answer explains is unknown."""
     _, width = HEALTHY["rope"]
@@ -180,3 +201,31 @@ def test_the_weights_that_are_shipped_believe_what_explains_much_and_nothing_els
         less = replace(much, fitted=1.0)
         both = shipped.judged(account(shape, left=near, wind=much, damage=less))
         assert both.ranked[:2] == ("wind", "damage")
+
+
+def test_what_is_explained_counts_as_far_as_other_lattices_do_not_leave_as_much():
+    """Of 40 that are left an effect leaves a quarter: of a twin whose lattices go alike that is ln 4."""
+    wind = Explained(np.log(4.0), np.log(2.0), slowly=np.log(3.0))
+    calm = account("sheet", left=(40.0,), wind=wind)
+    assert surely_explained(calm, wind) == wind
+    assert surely_explained(replace(calm, lattices=(0.0,)), wind) == wind
+    assert surely_explained(replace(calm, lattices=(None,)), wind) == wind
+    wild = surely_explained(replace(calm, lattices=(40.0,)), wind)
+    assert wild.fitted == pytest.approx(np.log(80.0 / 50.0))
+    assert wild.later == pytest.approx(np.log(80.0 / 60.0))
+    assert wild.slowly == pytest.approx(np.log(3.0 / 2.0))
+    harmful = surely_explained(replace(calm, lattices=(40.0,)), Explained(-np.log(2.0)))
+    assert harmful.fitted == pytest.approx(np.log(80.0 / 120.0))
+
+
+def test_what_is_explained_elsewhere_counts_by_the_lattices_there():
+    both = Explained(np.log(4.0), elsewhere=np.log(4.0), slowly_elsewhere=np.log(2.0))
+    two = replace(account("sheet", left=(40.0, 10.0)), shared={"wind": both}, lattices=(0.0, 10.0))
+    sure = surely_explained(two, both)
+    assert sure.fitted == pytest.approx(np.log(4.0))
+    assert sure.elsewhere == pytest.approx(np.log(20.0 / 12.5))
+    assert sure.slowly_elsewhere == pytest.approx(np.log(20.0 / 15.0))
+    blind = replace(two, lattices=(0.0, None))
+    assert surely_explained(blind, both) == both
+    judged = AGAINST.judged(two).chances
+    assert judged["wind"] < AGAINST.judged(replace(two, lattices=(0.0, 0.0))).chances["wind"]

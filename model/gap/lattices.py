@@ -1,0 +1,151 @@
+"""What a twin would leave of itself on other lattices: how much of a gap tells of nothing but the lattice.
+
+No lattice is the world. Where a cloth wrinkles, a block tips over or a cable whips, twins that are the same
+thing on another lattice go elsewhere, and one follows the other as badly as it follows the world; where an
+object just hangs they go together within the noise. How much it is in a recording is asked of the twin: it
+moves as fitted, on other lattices, and is then followed as if that had been seen.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from model.errors import InputError
+from model.gap.bodies.body import Body, body_of
+from model.gap.hypothesis import Hypothesis
+from model.gap.misfit import Misfit
+from model.gap.observer import Observer
+from model.gap.plain import PlainTwin
+from model.gap.side_by_side import side_by_side
+from model.gap.study import Study
+from model.gap.transfer import Followed, Transferred, laid_there
+from model.simulator.divergence import SimulationDiverged
+from model.simulator.system import State
+
+SCALES = (0.85, 1.18)
+"""Spacings of the other lattices over the twin's: a finer one and a coarser one."""
+DIMENSIONS = {"rope": 1, "sheet": 2, "solid": 3}
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The plain twin on another lattice."""
+
+    hypothesis: Hypothesis
+    values: Mapping[str, float]
+    """With which it is the same object."""
+    state: State | None = None
+    """In the first frame; None: at rest."""
+
+
+def lattices_of(study: Study) -> list[PlainTwin]:
+    """The twin of a study on other lattices; none of one that was given, which has the one that it came with.
+
+    Args:
+        study: Its twin and its recording.
+    """
+    twin = study.plain.twin
+    if twin.given:
+        return []
+    bodies = [body_of(study.observation, twin.body.shape, scale) for scale in SCALES]
+    return [replace(PlainTwin.of(body, study.observation), along=twin.body) for body in bodies]
+
+
+def left_here(study: Study, misfit: Misfit, values: Mapping[str, float]) -> float | None:
+    """What the plain twin leaves in the frames of its fit of itself on other lattices, over the noise.
+
+    Args:
+        study: Of the recording.
+        misfit: Of the plain twin, as it was fitted.
+        values: Of its own parameters.
+
+    Returns:
+        Mean square over that of the noise, on average over lattices; None: there is none that can be told.
+    """
+    own = study.plain.twin
+    lattices = []
+    for twin in lattices_of(study):
+        hypothesis = replace(study.plain, twin=twin)
+        lattices.append(Lattice(hypothesis, same_object(values, hypothesis, own.body)))
+    return _left(misfit, values, lattices)
+
+
+def left_there(
+    study: Study, other: Transferred, values: Mapping[str, float], found: Followed
+) -> float | None:
+    """The same in all frames of the other recording.
+
+    Args:
+        study: Of the first recording, whose object it is.
+        other: The other one.
+        values: Of the plain twin's own parameters in the first.
+        found: The plain twin fitted to the other.
+    """
+    own, lattices = study.plain.twin, []
+    for twin in lattices_of(study):
+        hypothesis = replace(study.plain, twin=twin)
+        base = replace(study.base, values=dict(same_object(values, hypothesis, own.body)))
+        try:
+            with warnings.catch_warnings():
+                # what is doubtful of where it lies was said of the twin's own lattice
+                warnings.simplefilter("ignore")
+                laid = laid_there(replace(study, plain=hypothesis, base=base), other.twin.observation)
+        except InputError:
+            # that is told by its points, and those of this lattice may not tell it
+            continue
+        there = laid.hypothesis(hypothesis)
+        lattices.append(Lattice(there, same_object(found.estimate.values, there, own.body), laid.state))
+    return _left(found.misfit, found.estimate.values, lattices)
+
+
+def same_object(values: Mapping[str, float], hypothesis: Hypothesis, body: Body) -> dict[str, float]:
+    """Values with which a twin on another lattice is as stiff and as damped, and held as far around a hand.
+
+    Of springs k [N/m] that are h long a line has the modulus k h, a plane k and a body k / h, so k goes by
+    the spacing to the power of the dimension less two; and so do its dashpots, `damping` times √(k m).
+
+    Args:
+        values: Of the twin on its own lattice.
+        hypothesis: On the other.
+        body: The own lattice.
+    """
+    other = hypothesis.twin.body
+    finer = other.spacing / body.spacing
+    factors = {
+        "stiffness": finer ** (DIMENSIONS[body.shape] - 2),
+        "damping": 1.0 / finer,
+        "reach": body.grasp / other.grasp,
+    }
+    return {
+        name: factors.get(name, 1.0) * values[name] if name in values else quantity.start
+        for name, quantity in hypothesis.quantities.items()
+    }
+
+
+def _left(misfit: Misfit, values: Mapping[str, float], lattices: Sequence[Lattice]) -> float | None:
+    """What a twin of these values leaves of others that move instead of what was seen."""
+    left = side_by_side(lambda one: _left_of(misfit, values, one), lattices)
+    told = [one for one in left if one is not None]
+    return float(np.mean(told)) if told else None
+
+
+def _left_of(misfit: Misfit, values: Mapping[str, float], lattice: Lattice) -> float | None:
+    """Of one of them; None: it is lost to its time steps."""
+    hypothesis, span = misfit.hypothesis, misfit.span
+    observation = hypothesis.twin.observation
+    try:
+        with torch.no_grad():
+            world = lattice.hypothesis.at(lattice.values)
+            substeps = misfit.observer.substeps(world, lattice.state)
+            rollout = world.rollout(lattice.state, substeps=substeps)
+            moved = world.sight(rollout.points.to(world.system.points)).numpy()
+    except SimulationDiverged:
+        return None
+    points = np.where(np.isfinite(observation.points), moved, np.nan).astype(np.float32)
+    seen = replace(observation, points=points)
+    observer = Observer(seen, hypothesis.at(values), misfit.observer.patience)
+    followed = misfit.through(observer, span)
+    return float((followed(misfit.coordinates.vector(dict(values))[None]) ** 2).mean())
