@@ -34,7 +34,7 @@ from scipy.stats import iqr, norm, spearmanr
 
 from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
 from model.errors import InputError
-from model.gap.account import MEANING, Account, against_ordinary
+from model.gap.account import MEANING, Account
 from model.gap.benchmark.labels import Label, open_labels
 from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
 from model.gap.benchmark.scores import calibration_error
@@ -159,15 +159,13 @@ def asked(label: Label, folder: Path, out: Path) -> str:
     warnings.simplefilter("ignore")
     taken, transfer = taken_of(folder / f"{label['world']}.npz")
     fitted = study(taken.observation, guessed_twin(taken.observation, transfer))
-    values, noise = fitted.base.values, [fitted.misfit.noise]
-    left = [left_here(fitted, fitted.misfit, values)]
+    values = fitted.base.values
+    lattices = [left_here(fitted, fitted.misfit, values)]
     if transfer is not None:
         other = transferred(fitted, transfer)
         there = other.study(fitted)
-        left.append(left_there(fitted, other, values, Followed(there.misfit, there.base)))
-        noise.append(other.told_noise)
-    told = (None if one is None else against_ordinary(one, by) for one, by in zip(left, noise, strict=True))
-    account = replace(known.account, lattices=tuple(told))
+        lattices.append(left_there(fitted, other, values, Followed(there.misfit, there.base)))
+    account = replace(known.account, lattices=tuple(lattices))
     return replace(known, account=account).write(out)
 
 

@@ -56,7 +56,7 @@ def account_of(
     shared: dict[EffectName, Explained] = {}
     left = [against_ordinary(cost, fitted.misfit.noise)]
     values = plain.estimate.values
-    lattices = [_told(left_here(fitted, plain.misfit, values), fitted.misfit.noise)]
+    lattices = [left_here(fitted, plain.misfit, values)]
     if other is not None:
         # as many rounds as an effect gets there: to be followed, and from hardly any of it to be shared
         there = other.further(other.further(other.followed(plain)))
@@ -77,7 +77,7 @@ def account_of(
                 (explained_slowly(slowly, both.slowly[0]), explained_slowly(slowly_there, both.slowly[1])),
             )
         left.append(against_ordinary(there.estimate.cost, other.told_noise))
-        lattices.append(_told(left_there(fitted, other, values, there), other.told_noise))
+        lattices.append(left_there(fitted, other, values, there))
     return Account(
         fitted.plain.twin.body.shape,
         {name: screened.chances[name] for name in EFFECT_NAMES},
@@ -87,8 +87,3 @@ def account_of(
         told(flexible),
         tuple(lattices),
     )
-
-
-def _told(left: float | None, noise: float) -> float | None:
-    """What is left of other lattices, against an ordinary sensor; None: there are none."""
-    return None if left is None else against_ordinary(left, noise)

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 
 from model.errors import InputError
+from model.gap.account import against_ordinary
 from model.gap.bodies.body import Body, body_of
 from model.gap.hypothesis import Hypothesis
 from model.gap.misfit import Misfit
@@ -63,7 +64,8 @@ def left_here(study: Study, misfit: Misfit, values: Mapping[str, float]) -> floa
         values: Of its own parameters.
 
     Returns:
-        Mean square over that of the noise, on average over lattices; None: there is none that can be told.
+        Mean square over that of the noise, told as `Account.left` is, on average over lattices; None: there
+        is none that can be told.
     """
     own = study.plain.twin
     lattices = []
@@ -129,7 +131,7 @@ def _left(misfit: Misfit, values: Mapping[str, float], lattices: Sequence[Lattic
     """What a twin of these values leaves of others that move instead of what was seen."""
     left = side_by_side(lambda one: _left_of(misfit, values, one), lattices)
     told = [one for one in left if one is not None]
-    return float(np.mean(told)) if told else None
+    return against_ordinary(float(np.mean(told)), misfit.noise) if told else None
 
 
 def _left_of(misfit: Misfit, values: Mapping[str, float], lattice: Lattice) -> float | None:
