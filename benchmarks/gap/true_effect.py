@@ -6,7 +6,7 @@ A diagnosis may name the wrong effect, or have fitted others; here the plain twi
 that is really at work are fitted to the first recording of development worlds, as a diagnosis does it, and
 both foretell the other one. Of a pair of effects it is the first. Where label and law mean the same by a
 strength (`model/gap/benchmark/amplitudes.py`), its interval is held against the truth. Worlds
-too faint to learn from are left out (`SEEN` of `benchmarks.gap.weighing`).
+too faint to learn from are left out (`SEEN` of `benchmarks.gap.accounts`).
 """
 
 import argparse
@@ -18,8 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.gap.accounts import seen
 from benchmarks.gap.development import ask_kinds, open_labels_of
-from benchmarks.gap.weighing import seen
 from model.gap.afresh import afresh
 from model.gap.benchmark.amplitudes import TRUE_VALUES
 from model.gap.benchmark.labels import Label

@@ -1,29 +1,19 @@
 """Make the weights by which a diagnosis judges what its fits explain.
 
-    python -m benchmarks.gap.weighing gather out/worlds/clear --out out/told/clear
-    python -m benchmarks.gap.weighing gather out/worlds/dev --out out/told/dev
-    python -m benchmarks.gap.weighing train out/told/clear out/told/dev --out model/gap/weighing.json
-    python -m benchmarks.gap.weighing lattices out/worlds/dev --out out/told/dev
-    python -m benchmarks.gap.weighing opened out/test out/test_checked --out out/told/test
+    python -m benchmarks.gap.weighing out/told/clear out/told/dev --out model/gap/weighing.json
 
-`gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
-sealed labels are refused. What the folder holds is not done again, and a world whose effect is too faint to
-learn from (`SEEN`) is not done at all. `lattices` asks of accounts that were gathered before this was asked
-what the twin leaves of itself on other lattices, after its first fit. `opened` takes test worlds as they
-come out of `matphys gap-benchmark out/test --out out/test_checked`, which diagnosed them sealed and then
-opened them. `train` fits eleven weights, and says how well they do on worlds that they have not seen: one at
-a time, all of one shape, with one effect, or by one generator; how well those do that ship; and what healthy
-twins leave, which a verdict takes for usual (`RESIDUE`, `WIDTH` and `HEALTHY` in `model/gap/weighing.py`).
+Eleven weights are fitted to accounts (`benchmarks/gap/accounts.py`). It says how well they do on worlds that
+they have not seen: one at a time, all of one shape, with one effect, or by one generator; how well those do
+that ship; and what healthy twins leave, which a verdict takes for usual (`RESIDUE`, `WIDTH` and `HEALTHY` in
+`model/gap/weighing.py`).
 """
 
 import argparse
 import json
 import sys
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from functools import partial
+from dataclasses import asdict, fields
 from pathlib import Path
 
 import numpy as np
@@ -32,25 +22,15 @@ from scipy.optimize import brentq, minimize
 from scipy.special import logsumexp
 from scipy.stats import iqr, norm, spearmanr
 
-from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
-from model.errors import InputError
-from model.gap.account import MEANING, Account
-from model.gap.benchmark.labels import Label, open_labels
-from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
+from benchmarks.gap.accounts import Told, once, told_in
+from model.gap.account import Account
 from model.gap.benchmark.scores import calibration_error
 from model.gap.classifier import NONE, UNKNOWN
-from model.gap.diagnose import diagnose
-from model.gap.guessed_twin import guessed_twin
-from model.gap.lattices import left_here, left_there
 from model.gap.schema import EFFECT_NAMES, VerdictName
-from model.gap.study import study
-from model.gap.transfer import Followed, transferred
 from model.gap.verdict import Judged
 from model.gap.weighing import Weighing, unexplained
 from model.types import Array
 
-SEEN = 1.5
-"""Signal-to-noise from which an effect is there to be learned from."""
 USUAL = Weighing(
     effect=-5.0,
     fitted=2.0,
@@ -77,110 +57,6 @@ TENTH = 0.1
 RESIDUES = (1e-3, 1e3)
 """Over the noise: less and more than any twin leaves beside what it leaves of other lattices."""
 ANSWERS: tuple[VerdictName, ...] = (*EFFECT_NAMES, NONE, UNKNOWN)
-
-
-@dataclass(frozen=True)
-class Told:
-    """A development world: what its diagnosis saw, and what is right."""
-
-    world: str
-    group: str
-    """Folder of the worlds that it is of."""
-    generator: str
-    """What moved it."""
-    right: tuple[VerdictName, ...]
-    """Answers that are right; of a hand that is late by itself both its delay and none."""
-    magnitude: float | None
-    account: Account
-
-    @property
-    def clear(self) -> bool:
-        """Nothing is at work, or it can be seen."""
-        return seen(self.magnitude)
-
-    @property
-    def kind(self) -> VerdictName | None:
-        """Of its right answers: none, unknown, or an effect (None)."""
-        if NONE in self.right:
-            return NONE
-        return UNKNOWN if UNKNOWN in self.right else None
-
-    @classmethod
-    def read(cls, path: Path) -> "Told":
-        """What `gather` wrote."""
-        content = json.loads(path.read_bytes())
-        if content.pop("meaning", None) != MEANING:
-            raise SystemExit(
-                f"{path}: gathered when accounts meant something else; remove it and gather again"
-            )
-        known = {"right": tuple(content["right"]), "account": Account.of(content["account"])}
-        return cls(**content | known)
-
-    @classmethod
-    def of(cls, label: Label, group: str, account: Account) -> "Told":
-        """What a world was found to be, and what it is."""
-        right, generator = tuple(label["accepted"]), label["generator"]
-        return cls(label["world"], group, generator, right, label.get("magnitude"), account)
-
-    def write(self, folder: Path) -> str:
-        """Keep it; returns the name of the file."""
-        path = folder / f"{self.world}.json"
-        path.write_text(json.dumps({"meaning": MEANING} | asdict(self), indent=1))
-        return path.name
-
-
-def seen(magnitude: float | None) -> bool:
-    """Whether a world with an effect of this signal-to-noise teaches anything; None: nothing is at work."""
-    return magnitude is None or magnitude >= SEEN
-
-
-def gathered(label: Label, folder: Path, out: Path) -> str:
-    """One world diagnosed, its account written down; what is refused is said, and the others go on."""
-    world = label["world"]
-    kept = out / f"{world}.json"
-    if kept.is_file():
-        return kept.name
-    warnings.simplefilter("ignore")
-    try:
-        taken, transfer = taken_of(folder / f"{world}.npz")
-    except InputError as error:
-        return f"refused: {error}"
-    account = diagnose(taken.observation, transfer=transfer).account
-    assert account is not None
-    return Told.of(label, folder.name, account).write(out)
-
-
-def asked(label: Label, folder: Path, out: Path) -> str:
-    """What a twin leaves of itself on other lattices, beside what is told of the world already."""
-    path = out / f"{label['world']}.json"
-    known = Told.read(path)
-    if known.account.lattices:
-        return path.name
-    warnings.simplefilter("ignore")
-    taken, transfer = taken_of(folder / f"{label['world']}.npz")
-    fitted = study(taken.observation, guessed_twin(taken.observation, transfer))
-    values = fitted.base.values
-    lattices = [left_here(fitted, fitted.misfit, values)]
-    if transfer is not None:
-        other = transferred(fitted, transfer)
-        there = other.study(fitted)
-        lattices.append(left_there(fitted, other, values, Followed(there.misfit, there.base)))
-    account = replace(known.account, lattices=tuple(lattices))
-    return replace(known, account=account).write(out)
-
-
-def opened(folder: Path, checked: Path, out: Path) -> int:
-    """Worlds of a test that was opened, as `matphys gap-benchmark` told of them in the folder `checked`.
-
-    Returns:
-        How many; others were refused or told when accounts meant something else.
-    """
-    labels = open_labels(folder, checked / PREDICTIONS)
-    accounts = [(label, read_account(checked, label["world"])) for label in labels]
-    known = [Told.of(label, folder.name, one) for label, one in accounts if one is not None]
-    for one in known:
-        one.write(out)
-    return len(known)
 
 
 def learned(worlds: Sequence[Told]) -> Weighing:
@@ -254,12 +130,6 @@ def _mean(values: Array) -> float:
     return float(values.mean()) if len(values) else float("nan")
 
 
-def once(worlds: Sequence[Told]) -> list[Told]:
-    """Each world once, with all its recordings."""
-    by_recordings = sorted(worlds, key=lambda one: len(one.account.left))
-    return list({one.world: one for one in by_recordings}.values())
-
-
 def usual(worlds: Sequence[Told]) -> dict[str, tuple[float, float, int]]:
     """What plain twins leave where nothing is missing, by shape.
 
@@ -324,14 +194,6 @@ def left_over(worlds: Sequence[Told]) -> dict[str, list[float]]:
     return shares
 
 
-def told_in(folders: Sequence[Path]) -> list[Told]:
-    """All clear worlds that were gathered; then those with two recordings once more, without the other."""
-    everything = [Told.read(path) for folder in folders for path in sorted(folder.glob("*.json"))]
-    clear = [one for one in everything if one.clear]
-    two = [one for one in clear if len(one.account.left) > 1]
-    return [*clear, *(replace(one, account=one.account.alone) for one in two)]
-
-
 def learn(folders: Sequence[Path], out: Path | None) -> None:
     """Train, say how well it does on worlds it has not seen, write the weights."""
     both = told_in(folders)
@@ -381,50 +243,17 @@ def _row(title: str, judged: Sequence[tuple[Told, Judged]]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Gather, take over what was opened, or train."""
+    """Train."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    commands = parser.add_subparsers(dest="command", required=True)
-    gathering = commands.add_parser("gather", help="diagnose development worlds")
-    gathering.add_argument("worlds", type=Path)
-    ask_kinds(gathering)
-    gathering.add_argument("--out", type=Path, required=True)
-    gathering.add_argument("--workers", type=int, default=2)
-    asking = commands.add_parser("lattices", help="ask of accounts what other lattices leave")
-    asking.add_argument("worlds", type=Path)
-    ask_kinds(asking)
-    asking.add_argument("--out", type=Path, required=True, help="where the accounts are")
-    asking.add_argument("--workers", type=int, default=2)
-    opening = commands.add_parser("opened", help="test worlds that a check has opened")
-    opening.add_argument("worlds", type=Path)
-    opening.add_argument("checked", type=Path, help="the --out of `matphys gap-benchmark`")
-    opening.add_argument("--out", type=Path, required=True)
-    learning = commands.add_parser("train", help="the weights")
-    learning.add_argument("folders", type=Path, nargs="+")
-    learning.add_argument("--out", type=Path, help="without it, the tables alone")
+    parser.add_argument("folders", type=Path, nargs="+", help="where the accounts are")
+    parser.add_argument("--out", type=Path, help="of the weights; without it, the tables alone")
     options = parser.parse_args(arguments)
-    if options.command == "train":
-        empty = [str(folder) for folder in options.folders if not any(folder.glob("*.json"))]
-        if empty:
-            parser.error(f"nothing gathered in {', '.join(empty)}")
-        learn(options.folders, options.out)
-        return 0
-    options.out.mkdir(parents=True, exist_ok=True)
-    if options.command == "opened":
-        print(f"wrote {opened(options.worlds, options.checked, options.out)} worlds to {options.out}")
-        return 0
-    labels = open_labels_of(options.worlds, parser, "weights are learned from")
-    labels = [label for label in labels if label["kind"] in options.kind]
-    if options.command == "lattices":
-        there = [label for label in labels if (options.out / f"{label['world']}.json").is_file()]
-        done_by(options.workers, [partial(asked, label, options.worlds, options.out) for label in there])
-        return 0
-    told = [label for label in labels if seen(label.get("magnitude"))]
-    if len(told) < len(labels):
-        print(f"{len(labels) - len(told)} of {len(labels)} worlds are too faint to learn from", flush=True)
-    jobs = [partial(gathered, label, options.worlds, options.out) for label in told]
-    done_by(options.workers, jobs)
+    empty = [str(folder) for folder in options.folders if not any(folder.glob("*.json"))]
+    if empty:
+        parser.error(f"nothing gathered in {', '.join(empty)}")
+    learn(options.folders, options.out)
     return 0
 
 

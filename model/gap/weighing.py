@@ -23,7 +23,7 @@ stiff against being pressed together: slack springs explain that, healthy or not
 RESIDUE, WIDTH = 1.62, 0.60
 """Where nothing is missing a plain twin leaves so much, over the noise, and as much again as it leaves of
 itself on other lattices, give or take so many powers of e: of development worlds
-(`python -m benchmarks.gap.weighing train`), as below.
+(`python -m benchmarks.gap.weighing`), as below.
 """
 HEALTHY = {"rope": (0.77, 0.51), "sheet": (1.61, 0.92), "solid": (0.82, 0.48)}
 """Of the logarithm of what a plain twin leaves where nobody knows what other lattices would: the median, and

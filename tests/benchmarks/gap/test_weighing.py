@@ -9,21 +9,18 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from benchmarks.gap.accounts import Told, told_in
 from benchmarks.gap.weighing import (
     USUAL,
-    Told,
     beside_lattices,
     learned,
     left_over,
     main,
     scores,
-    told_in,
     unseen,
     usual,
     usual_beside_lattices,
 )
-from benchmarks.reality.labels import write_labels
-from model.errors import InputError
 from model.gap.account import MEANING, Account, Explained
 from model.gap.schema import EFFECT_NAMES
 from model.gap.weighing import HEALTHY, RESIDUE, WEIGHTS, WIDTH, Weighing
@@ -154,64 +151,6 @@ def test_the_weights_that_ship_are_those_of_the_accounts_in_this_repository():
     assert usual_beside_lattices(beside_lattices(worlds)) == pytest.approx((RESIDUE, WIDTH), abs=0.006)
 
 
-def test_a_faint_effect_is_not_learned_from_and_nothing_missing_is():
-    assert told(0, ("none",), {}).clear
-    assert told(0, ("wind",), {}).clear
-    assert not told(0, ("wind",), {}, magnitude=0.5).clear
-
-
-def test_worlds_too_faint_to_learn_from_are_not_diagnosed(tmp_path, capsys):
-    label = {"world": "faint", "effects": [], "accepted": ["wind"], "generator": "mujoco", "magnitude": 0.5}
-    label |= {"kind": "rope"}
-    write_labels(tmp_path, [label], sealed=False)
-    assert main(["gather", str(tmp_path), "--out", str(tmp_path / "told")]) == 0
-    assert "1 of 1 worlds are too faint to learn from" in capsys.readouterr().out
-    assert list((tmp_path / "told").iterdir()) == []
-
-
-def test_objects_of_other_kinds_are_not_diagnosed(tmp_path, capsys):
-    label = {"world": "cloth", "kind": "sheet", "effects": [], "accepted": ["none"], "generator": "mujoco"}
-    write_labels(tmp_path, [label], sealed=False)
-    assert main(["gather", str(tmp_path), "--kind", "rope", "--out", str(tmp_path / "told")]) == 0
-    assert list((tmp_path / "told").iterdir()) == []
-
-
-def test_what_other_lattices_leave_is_asked_of_accounts_that_do_not_tell_it(tmp_path, capsys):
-    times = np.arange(16) / 30.0
-    hanging = np.stack([np.linspace(0.0, 0.12, 8), np.zeros(8), -np.linspace(0.0, 0.2, 8)], -1)
-    for name, rate in (("rope", 6.0), ("rope.transfer", 4.0)):
-        hand = hanging[0] + np.stack([0.02 * np.sin(rate * times), 0 * times, 0 * times], -1)
-        moved = hanging + (hand - hand[0])[:, None] * np.linspace(1.0, 0.8, 8)[:, None]
-        places = moved + np.random.default_rng(0).normal(0, 1e-3, moved.shape)
-        np.savez(tmp_path / f"{name}.npz", times=times, points=places, controllers=hand[:, None])
-    label = {"world": "rope", "kind": "rope", "effects": [], "accepted": ["none"], "generator": "mujoco"}
-    write_labels(tmp_path, [label, label | {"world": "untold"}], sealed=False)
-    out = tmp_path / "told"
-    out.mkdir()
-    before = replace(told(0, ("none",), {}), world="rope")
-    path = out / before.write(out)
-    assert main(["lattices", str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
-    after = Told.read(path)
-    assert replace(after.account, lattices=()) == before.account
-    assert len(after.account.lattices) == 2
-    assert all(one >= 0.0 for one in after.account.lattices)
-    written = path.stat().st_mtime_ns
-    assert main(["lattices", str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
-    assert path.stat().st_mtime_ns == written, "what is told already is not asked again"
-    assert [one.name for one in out.iterdir()] == [path.name]
-
-
-def test_a_world_that_cannot_be_diagnosed_is_said_and_the_others_go_on(tmp_path, capsys):
-    label = {"kind": "rope", "effects": [], "accepted": ["none"], "generator": "mujoco"}
-    write_labels(tmp_path, [label | {"world": name} for name in ("broken", "worse")], sealed=False)
-    for name in ("broken", "worse"):
-        (tmp_path / f"{name}.npz").write_bytes(b"no archive")
-    assert main(["gather", str(tmp_path), "--workers", "1", "--out", str(tmp_path / "told")]) == 0
-    out = capsys.readouterr().out
-    assert out.count("refused: broken.npz") == out.count("refused: worse.npz") == 1
-    assert list((tmp_path / "told").iterdir()) == []
-
-
 def test_of_a_hand_that_errs_by_itself_two_answers_are_right(worlds):
     """A recording whose hand lags lacks nothing, and who calls it a delay accuses nobody."""
     weighing = learned(worlds)
@@ -244,13 +183,6 @@ def test_worlds_count_as_they_come_however_many_of_a_kind_were_picked(worlds):
     assert {one.kind for one in worlds} == {"none", "unknown", None}
 
 
-def test_accounts_of_before_are_refused_in_one_line(worlds, tmp_path):
-    content = {"meaning": MEANING - 1} | asdict(worlds[0])
-    (tmp_path / "old.json").write_text(json.dumps(content))
-    with pytest.raises(SystemExit, match="gather again"):
-        Told.read(tmp_path / "old.json")
-
-
 def test_trained_by_one_command(worlds, tmp_path, capsys):
     folder = tmp_path / "made"
     folder.mkdir()
@@ -258,7 +190,7 @@ def test_trained_by_one_command(worlds, tmp_path, capsys):
         (folder / f"{one.world}.json").write_text(json.dumps({"meaning": MEANING} | asdict(one)))
         assert Told.read(folder / f"{one.world}.json") == one
     out = tmp_path / "weighing.json"
-    assert main(["train", str(folder), "--out", str(out)]) == 0
+    assert main([str(folder), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert "| one world at a time | two | 60 | 1.00 |" in printed
     assert "| a whole effect | one recording |" in printed
@@ -280,38 +212,13 @@ def test_weights_are_judged_by_a_generator_that_they_have_not_seen(worlds, tmp_p
         odd = int(one.world) % 2 == 1
         right = tuple(other.get(name, name) for name in one.right) if odd else one.right
         replace(one, generator="fem" if odd else "mujoco", right=right).write(tmp_path)
-    assert main(["train", str(tmp_path)]) == 0
+    assert main([str(tmp_path)]) == 0
     rows = [line.split(" | ") for line in capsys.readouterr().out.splitlines() if "a whole generator" in line]
     assert [row[1:3] for row in rows] == [["one recording", "60"], ["two", "60"]]
 
 
-def test_worlds_of_a_test_are_taken_over_once_it_was_opened(worlds, tmp_path, capsys):
-    test, checked, out = tmp_path / "test", tmp_path / "checked", tmp_path / "told"
-    labels = [
-        {"world": one.world, "effects": [], "accepted": list(one.right), "generator": "fem"}
-        for one in worlds[:3]
-    ]
-    write_labels(test, labels, sealed=True)
-    kept = checked / "diagnoses"
-    kept.mkdir(parents=True)
-    for one, meaning in zip(worlds, (MEANING, MEANING - 1), strict=False):
-        content = {"meaning": meaning, "account": asdict(one.account)}
-        (kept / f"{one.world}.json").write_text(json.dumps(content))
-    with pytest.raises(InputError, match="sealed"):
-        main(["opened", str(test), str(checked), "--out", str(out)])
-    (checked / "predictions.json").write_text("{}")
-    assert main(["opened", str(test), str(checked), "--out", str(out)]) == 0
-    assert "wrote 1 worlds" in capsys.readouterr().out
-    (told_of,) = out.glob("*.json")
-    assert Told.read(told_of) == replace(worlds[0], group="test", generator="fem", magnitude=None)
-
-
-def test_sealed_labels_and_empty_folders_are_refused(tmp_path, capsys):
-    for arguments, line in (
-        (["gather", str(tmp_path), "--out", str(tmp_path / "out")], "has no open labels"),
-        (["train", str(tmp_path)], "nothing gathered in"),
-    ):
-        with pytest.raises(SystemExit) as ended:
-            main(arguments)
-        assert ended.value.code == 2
-        assert line in capsys.readouterr().err
+def test_folders_without_accounts_are_refused(tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main([str(tmp_path)])
+    assert ended.value.code == 2
+    assert "nothing gathered in" in capsys.readouterr().err
