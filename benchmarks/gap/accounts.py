@@ -30,7 +30,7 @@ from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
 from model.gap.classifier import NONE, UNKNOWN
 from model.gap.diagnose import diagnose
 from model.gap.guessed_twin import guessed_twin
-from model.gap.lattices import left_here, left_there
+from model.gap.lattices import lattices_of, left_here, left_there
 from model.gap.schema import VerdictName
 from model.gap.study import study
 from model.gap.transfer import Followed, transferred
@@ -120,11 +120,12 @@ def asked(label: Label, folder: Path, out: Path) -> str:
     taken, transfer = taken_of(folder / f"{label['world']}.npz")
     fitted = study(taken.observation, guessed_twin(taken.observation, transfer))
     values = fitted.base.values
-    lattices = [left_here(fitted, fitted.misfit, values)]
+    others = lattices_of(fitted)
+    lattices = [left_here(others, fitted.misfit, values)]
     if transfer is not None:
         other = transferred(fitted, transfer)
         there = other.study(fitted)
-        lattices.append(left_there(fitted, other, values, Followed(there.misfit, there.base)))
+        lattices.append(left_there(others, fitted, other, values, Followed(there.misfit, there.base)))
     account = replace(known.account, lattices=tuple(lattices))
     return replace(known, account=account).write(out)
 

@@ -6,7 +6,7 @@ from model.gap.account import Account, Explained, against_ordinary
 from model.gap.confirm import Fitted, held_out
 from model.gap.forecast import forecast
 from model.gap.joint import fitted_jointly
-from model.gap.lattices import left_here, left_there
+from model.gap.lattices import lattices_of, left_here, left_there
 from model.gap.schema import EFFECT_NAMES
 from model.gap.side_by_side import side_by_side
 from model.gap.slowly import explained_slowly, left_slowly
@@ -56,7 +56,8 @@ def account_of(
     shared: dict[EffectName, Explained] = {}
     left = [against_ordinary(cost, fitted.misfit.noise)]
     values = plain.estimate.values
-    lattices = [left_here(fitted, plain.misfit, values)]
+    others = lattices_of(fitted)
+    lattices = [left_here(others, plain.misfit, values)]
     if other is not None:
         # as many rounds as an effect gets there: to be followed, and from hardly any of it to be shared
         there = other.further(other.further(other.followed(plain)))
@@ -77,7 +78,7 @@ def account_of(
                 (explained_slowly(slowly, both.slowly[0]), explained_slowly(slowly_there, both.slowly[1])),
             )
         left.append(against_ordinary(there.estimate.cost, other.told_noise))
-        lattices.append(left_there(fitted, other, values, there))
+        lattices.append(left_there(others, fitted, other, values, there))
     return Account(
         fitted.plain.twin.body.shape,
         {name: screened.chances[name] for name in EFFECT_NAMES},

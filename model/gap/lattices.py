@@ -26,8 +26,12 @@ from model.gap.transfer import Followed, Transferred, laid_there
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.system import State
 
-SCALES = (0.85, 1.18)
-"""Spacings of the other lattices over the twin's: a finer one and a coarser one."""
+FINER = {"rope": 0.85, "sheet": 0.75, "solid": 0.85}
+COARSER = 1.18
+"""Spacings of the two other lattices over the twin's."""
+LESS_CALM = {"bending_decay": 0.05}
+"""In a finer net zigzags die out so much more slowly. That they do is no property of a cloth: a fit likes
+nets that are calm, and two of these go together where cloths do not."""
 DIMENSIONS = {"rope": 1, "sheet": 2, "solid": 3}
 
 
@@ -36,30 +40,47 @@ class Lattice:
     """The plain twin on another lattice."""
 
     hypothesis: Hypothesis
-    values: Mapping[str, float]
-    """With which it is the same object."""
+    own: Body
+    """The lattice that it is another one than."""
+    factors: Mapping[str, float]
+    """Of quantities that are not those of the same object, but of its lattice."""
     state: State | None = None
     """In the first frame; None: at rest."""
 
+    def values(self, values: Mapping[str, float]) -> dict[str, float]:
+        """With which it is the same object.
 
-def lattices_of(study: Study) -> list[PlainTwin]:
+        Args:
+            values: Of the twin on its own lattice.
+        """
+        same = same_object(values, self.hypothesis, self.own)
+        return {name: self.factors.get(name, 1.0) * value for name, value in same.items()}
+
+
+def lattices_of(study: Study) -> list[Lattice]:
     """The twin of a study on other lattices; none of one that was given, which has the one that it came with.
 
     Args:
         study: Its twin and its recording.
     """
     twin = study.plain.twin
+    own = twin.body
     if twin.given:
         return []
-    bodies = [body_of(study.observation, twin.body.shape, scale) for scale in SCALES]
-    return [replace(PlainTwin.of(body, study.observation), along=twin.body) for body in bodies]
+
+    def lattice(scale: float, factors: Mapping[str, float]) -> Lattice:
+        body = body_of(study.observation, own.shape, scale)
+        other = replace(PlainTwin.of(body, study.observation), along=own)
+        return Lattice(replace(study.plain, twin=other), own, factors)
+
+    return [lattice(FINER[own.shape], LESS_CALM if own.shape == "sheet" else {}), lattice(COARSER, {})]
 
 
-def left_here(study: Study, misfit: Misfit, values: Mapping[str, float]) -> float | None:
+def left_here(lattices: Sequence[Lattice], misfit: Misfit, values: Mapping[str, float]) -> float | None:
     """What the plain twin leaves in the frames of its fit of itself on other lattices, over the noise.
 
     Args:
-        study: Of the recording.
+        lattices: From `lattices_of`.
         misfit: Of the plain twin, as it was fitted.
         values: Of its own parameters.
 
@@ -67,40 +88,38 @@ def left_here(study: Study, misfit: Misfit, values: Mapping[str, float]) -> floa
         Mean square over that of the noise, told as `Account.left` is, on average over lattices; None: there
         is none that can be told.
     """
-    own = study.plain.twin
-    lattices = []
-    for twin in lattices_of(study):
-        hypothesis = replace(study.plain, twin=twin)
-        lattices.append(Lattice(hypothesis, same_object(values, hypothesis, own.body)))
     return _left(misfit, values, lattices)
 
 
 def left_there(
-    study: Study, other: Transferred, values: Mapping[str, float], found: Followed
+    lattices: Sequence[Lattice],
+    study: Study,
+    other: Transferred,
+    values: Mapping[str, float],
+    found: Followed,
 ) -> float | None:
     """The same in all frames of the other recording.
 
     Args:
-        study: Of the first recording, whose object it is.
+        lattices: Of the first recording.
+        study: Of that, whose object it is.
         other: The other one.
         values: Of the plain twin's own parameters in the first.
         found: The plain twin fitted to the other.
     """
-    own, lattices = study.plain.twin, []
-    for twin in lattices_of(study):
-        hypothesis = replace(study.plain, twin=twin)
-        base = replace(study.base, values=dict(same_object(values, hypothesis, own.body)))
+    laid = []
+    for one in lattices:
+        base = replace(study.base, values=one.values(values))
         try:
             with warnings.catch_warnings():
                 # what is doubtful of where it lies was said of the twin's own lattice
                 warnings.simplefilter("ignore")
-                laid = laid_there(replace(study, plain=hypothesis, base=base), other.twin.observation)
+                there = laid_there(replace(study, plain=one.hypothesis, base=base), other.twin.observation)
         except InputError:
             # that is told by its points, and those of this lattice may not tell it
             continue
-        there = laid.hypothesis(hypothesis)
-        lattices.append(Lattice(there, same_object(found.estimate.values, there, own.body), laid.state))
-    return _left(found.misfit, found.estimate.values, lattices)
+        laid.append(replace(one, hypothesis=there.hypothesis(one.hypothesis), state=there.state))
+    return _left(found.misfit, found.estimate.values, laid)
 
 
 def same_object(values: Mapping[str, float], hypothesis: Hypothesis, body: Body) -> dict[str, float]:
@@ -140,13 +159,14 @@ def _left_of(misfit: Misfit, values: Mapping[str, float], lattice: Lattice) -> f
     observation = hypothesis.twin.observation
     try:
         with torch.no_grad():
-            world = lattice.hypothesis.at(lattice.values)
+            world = lattice.hypothesis.at(lattice.values(values))
             substeps = misfit.observer.substeps(world, lattice.state)
-            rollout = world.rollout(lattice.state, substeps=substeps)
+            rollout = world.rollout(lattice.state, last=span.last, substeps=substeps)
             moved = world.sight(rollout.points.to(world.system.points)).numpy()
     except SimulationDiverged:
         return None
-    points = np.where(np.isfinite(observation.points), moved, np.nan).astype(np.float32)
+    points = np.full_like(observation.points, np.nan)
+    points[: span.last + 1] = np.where(np.isfinite(observation.points[: span.last + 1]), moved, np.nan)
     seen = replace(observation, points=points)
     observer = Observer(seen, hypothesis.at(values), misfit.observer.patience)
     followed = misfit.through(observer, span)

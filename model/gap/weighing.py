@@ -20,7 +20,7 @@ IMPOSSIBLE = 1e-9
 BUCKLES, SLACK = ("rope", "sheet"), "tension_only"
 """What is thin folds between the points of its twin. One that cannot, a rope's or one that was given, is too
 stiff against being pressed together: slack springs explain that, healthy or not."""
-RESIDUE, WIDTH = 1.62, 0.60
+RESIDUE, WIDTH = 1.61, 0.57
 """Where nothing is missing a plain twin leaves so much, over the noise, and as much again as it leaves of
 itself on other lattices, give or take so many powers of e: of development worlds
 (`python -m benchmarks.gap.weighing`), as below.

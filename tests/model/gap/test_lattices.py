@@ -7,7 +7,7 @@ import pytest
 
 from model.gap.bodies.body import body_of
 from model.gap.hypothesis import Hypothesis
-from model.gap.lattices import SCALES, left_here, left_there, same_object
+from model.gap.lattices import COARSER, FINER, LESS_CALM, lattices_of, left_here, left_there, same_object
 from model.gap.plain import PlainTwin
 from model.gap.transfer import Followed, transferred
 from model.types import Observation
@@ -53,7 +53,7 @@ def test_on_another_lattice_an_object_is_as_stiff_and_as_damped(name, request):
     base = body_of(observation)
     values = {"stiffness": 50.0, "damping": 0.1}
     own = stretched(observation, 1.0, values, base)
-    for scale in SCALES:
+    for scale in (FINER[base.shape], COARSER):
         other = stretched(observation, scale, values, base)
         assert other == pytest.approx(own, rel=0.25), scale
 
@@ -76,8 +76,10 @@ def gently(still, share=0.25):
 def test_a_sheet_that_hangs_goes_alike_and_one_that_topples_does_not(hung, studied):
     still = gently(hung)
     hanging, upside_down = studied(still), studied(replace(still, gravity=(0.0, 0.0, 9.81)))
-    alike, astray = (left_here(one, one.misfit, one.base.values) for one in (hanging, upside_down))
-    assert 0.0 < alike < 3.75
+    alike, astray = (
+        left_here(lattices_of(one), one.misfit, one.base.values) for one in (hanging, upside_down)
+    )
+    assert 0.0 < alike < 5.0
     assert astray > 10.0 * alike
 
 
@@ -87,8 +89,12 @@ def test_in_the_other_recording(hung, studied, shaken):
     for reach in (0.01, 0.06):
         other = transferred(study, studied(shaken(gently(hung), reach)).observation)
         there = other.study(study)
-        left.append(left_there(study, other, study.base.values, Followed(there.misfit, there.base)))
-    assert 0.0 < left[0] < 3.75
+        left.append(
+            left_there(
+                lattices_of(study), study, other, study.base.values, Followed(there.misfit, there.base)
+            )
+        )
+    assert 0.0 < left[0] < 5.0
     assert left[1] > 3.0 * left[0]
 
 
@@ -96,10 +102,25 @@ def test_of_a_twin_that_was_given_there_are_no_others(hung, studied):
     study = studied(hung)
     matter = replace(study.plain.twin.matter, given=True)
     given = replace(study, plain=replace(study.plain, twin=replace(study.plain.twin, matter=matter)))
-    assert left_here(given, given.misfit, given.base.values) is None
+    assert left_here(lattices_of(given), given.misfit, given.base.values) is None
 
 
 def test_those_that_are_lost_to_their_time_steps_say_nothing(hung, studied):
     study = studied(hung)
     values = study.base.values | {"stiffness": 1e13}
-    assert left_here(study, study.misfit, values) is None
+    assert left_here(lattices_of(study), study.misfit, values) is None
+
+
+def test_of_a_sheet_the_finer_one_is_less_calm_and_of_others_only_finer(hung, studied, line):
+    study = studied(hung)
+    values = study.base.values
+    finer, coarser = lattices_of(study)
+    own = study.plain.twin.body.spacing
+    assert finer.hypothesis.twin.body.spacing == pytest.approx(FINER["sheet"] * own, rel=0.02)
+    assert coarser.hypothesis.twin.body.spacing == pytest.approx(COARSER * own, rel=0.02)
+    for name, factor in LESS_CALM.items():
+        assert finer.values(values)[name] == pytest.approx(factor * values[name])
+        assert coarser.values(values)[name] == pytest.approx(values[name])
+    rope = replace(studied(hung), observation=still(line))
+    rope = replace(rope, plain=Hypothesis(PlainTwin.of(body_of(rope.observation, "rope"), rope.observation)))
+    assert [one.factors for one in lattices_of(rope)] == [{}, {}]
