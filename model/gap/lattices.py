@@ -88,7 +88,9 @@ def left_here(lattices: Sequence[Lattice], misfit: Misfit, values: Mapping[str, 
         Mean square over that of the noise, told as `Account.left` is, on average over lattices; None: there
         is none that can be told.
     """
-    return _left(misfit, values, lattices)
+    left = side_by_side(lambda one: _left_of(misfit, values, one), lattices)
+    told = [one for one in left if one is not None]
+    return against_ordinary(float(np.mean(told)), misfit.noise) if told else None
 
 
 def left_there(
@@ -119,7 +121,7 @@ def left_there(
             # that is told by its points, and those of this lattice may not tell it
             continue
         laid.append(replace(one, hypothesis=there.hypothesis(one.hypothesis), state=there.state))
-    return _left(found.misfit, found.estimate.values, laid)
+    return left_here(laid, found.misfit, found.estimate.values)
 
 
 def same_object(values: Mapping[str, float], hypothesis: Hypothesis, body: Body) -> dict[str, float]:
@@ -144,13 +146,6 @@ def same_object(values: Mapping[str, float], hypothesis: Hypothesis, body: Body)
         name: factors.get(name, 1.0) * values[name] if name in values else quantity.start
         for name, quantity in hypothesis.quantities.items()
     }
-
-
-def _left(misfit: Misfit, values: Mapping[str, float], lattices: Sequence[Lattice]) -> float | None:
-    """What a twin of these values leaves of others that move instead of what was seen."""
-    left = side_by_side(lambda one: _left_of(misfit, values, one), lattices)
-    told = [one for one in left if one is not None]
-    return against_ordinary(float(np.mean(told)), misfit.noise) if told else None
 
 
 def _left_of(misfit: Misfit, values: Mapping[str, float], lattice: Lattice) -> float | None:
