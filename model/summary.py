@@ -74,19 +74,18 @@ def print_stages(twin: TwinBundle, seconds: Mapping[str, float], console: Consol
         return
     # each by itself: a twin that was edited twice has two stages of a name
     timed = [seconds.get(stage.name, stage.seconds) for stage in stages]
-    rows = [
-        (
-            stage.name,
-            stage.method or "",
-            stage.version or "",
-            (stage.weights or "none")[:12],
-            "" if time is None else f"{time:.2f}",
-            str(len(stage.warnings) or ""),
-        )
-        for stage, time in zip(stages, timed, strict=True)
-    ]
-    columns = ("stage", "method", "version", "weights", "seconds", "warnings")
-    _print(console or make_console(), "Stages", columns, rows)
+    table = {
+        "stage": [stage.name for stage in stages],
+        "method": [stage.method or "" for stage in stages],
+        "version": [stage.version or "" for stage in stages],
+        "weights": [(stage.weights or "none")[:12] for stage in stages],
+        "seconds": ["" if time is None else f"{time:.2f}" for time in timed],
+        "warnings": [str(len(stage.warnings) or "") for stage in stages],
+    }
+    if not any(table["seconds"]):
+        # a bundle is the same whoever made it, however fast: nothing of it is told in there
+        del table["seconds"]
+    _print(console or make_console(), "Stages", tuple(table), zip(*table.values(), strict=True))
 
 
 def make_console() -> Console:

@@ -99,6 +99,7 @@ class TestTwin:
         assert f"wrote {out}" in outcome.stdout
         assert "classical" in outcome.stdout
         assert "1.25" in outcome.stdout
+        assert "seconds" in outcome.stdout
         lines = outcome.stderr.splitlines()
         assert [line.split()[-1] for line in lines[:2]] == ["segmentation", "tracking"]
         assert lines[2:] == ["warning: segmentation: dark"]
@@ -106,6 +107,7 @@ class TestTwin:
     def test_measured_seconds_stay_out_of_the_bundle(self, run, pipeline, clip: Path, tmp_path: Path):
         run("twin", clip, "--out", tmp_path / "a.twin.zip")
         assert TwinBundle.load(tmp_path / "a.twin.zip").manifest.stages[0].seconds is None
+        assert "seconds" not in run("inspect", tmp_path / "a.twin.zip").stdout
 
     def test_json_is_alone_on_stdout(self, run, pipeline, clip: Path, tmp_path: Path):
         outcome = run("twin", clip, "--out", tmp_path / "a.twin.zip", "--json")
