@@ -164,16 +164,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    gathering = commands.add_parser("gather", help="diagnose development worlds")
-    gathering.add_argument("worlds", type=Path)
-    ask_kinds(gathering)
-    gathering.add_argument("--out", type=Path, required=True)
-    gathering.add_argument("--workers", type=int, default=2)
-    asking = commands.add_parser("lattices", help="ask of accounts what other lattices leave")
-    asking.add_argument("worlds", type=Path)
-    ask_kinds(asking)
-    asking.add_argument("--out", type=Path, required=True, help="where the accounts are")
-    asking.add_argument("--workers", type=int, default=2)
+    for name, does, to in (
+        ("gather", "diagnose development worlds", "where the accounts go"),
+        ("lattices", "ask of accounts what other lattices leave", "where the accounts are"),
+    ):
+        each = commands.add_parser(name, help=does)
+        each.add_argument("worlds", type=Path)
+        ask_kinds(each)
+        each.add_argument("--out", type=Path, required=True, help=to)
+        each.add_argument("--workers", type=int, default=2)
     opening = commands.add_parser("opened", help="test worlds that a check has opened")
     opening.add_argument("worlds", type=Path)
     opening.add_argument("checked", type=Path, help="the --out of `matphys gap-benchmark`")

@@ -90,8 +90,7 @@ def test_worlds_of_a_test_are_taken_over_once_it_was_opened(tmp_path, capsys):
     worlds = [told(0, ("wind",)), told(1, ("damage",)), told(2, ("none",))]
     test, checked, out = tmp_path / "test", tmp_path / "checked", tmp_path / "told"
     labels = [
-        {"world": one.world, "effects": [], "accepted": list(one.right), "generator": "fem"}
-        for one in worlds[:3]
+        {"world": one.world, "effects": [], "accepted": list(one.right), "generator": "fem"} for one in worlds
     ]
     write_labels(test, labels, sealed=True)
     kept = checked / "diagnoses"

@@ -121,6 +121,6 @@ def test_of_a_sheet_the_finer_one_is_less_calm_and_of_others_only_finer(hung, st
     for name, factor in LESS_CALM.items():
         assert finer.values(values)[name] == pytest.approx(factor * values[name])
         assert coarser.values(values)[name] == pytest.approx(values[name])
-    rope = replace(studied(hung), observation=still(line))
+    rope = replace(study, observation=still(line))
     rope = replace(rope, plain=Hypothesis(PlainTwin.of(body_of(rope.observation, "rope"), rope.observation)))
     assert [one.factors for one in lattices_of(rope)] == [{}, {}]
