@@ -31,6 +31,12 @@ AROUND, TOP = 2.0, 0.6
 BARE = 0.1
 """Of what is seen, at least, has nothing below: of 80 recordings of solids that are seen all around 0.00 to
 0.06, of 16 from above and aside 0.13 to 0.76."""
+LEVEL, PATCH = 0.7, 7
+"""Cosine of the slope of what is level, as told by so many points that are next to each other."""
+APART, SHOWN = 2.0, 0.65
+"""Of their usual distance: who is farther above or below is of another side. Of what is level, at least, lies
+above or below another side where all of a solid is seen: of 13 recordings 0.62 to 1.00, of 12 of solids that
+lie on the ground and are seen from above and aside 0.00 to 0.43."""
 
 
 def underside(observation: Observation, places: Float64[Array, "N 3"]) -> Float64[Array, "U 3"]:
@@ -47,7 +53,7 @@ def underside(observation: Observation, places: Float64[Array, "N 3"]) -> Float6
     if not _lies(observation, places, low, high):
         return np.zeros((0, 3))
     bare = _bare(places, ground)
-    if bare.mean() < BARE:
+    if bare.mean() < BARE or _seen_from_below(places):
         return np.zeros((0, 3))
     below: Float64[Array, "U 3"] = places[bare]
     below[:, 2] = ground
@@ -61,6 +67,20 @@ def _bare(places: Float64[Array, "N 3"], ground: float) -> Bool[Array, " N"]:
     below = np.array([heights[each].min() for each in tree.query_ball_point(places[:, :2], radii)])
     top = np.array([heights[each].max() for each in tree.query_ball_point(places[:, :2], AROUND * radii)])
     return (below > BELOW * heights) & (heights > TOP * top)
+
+
+def _seen_from_below(places: Float64[Array, "N 3"]) -> bool:
+    """Whether an underside is seen, wherever it is: most of what is level has another side below or above."""
+    apart = usual_distance(places, FOURTH)
+    patches = places[cKDTree(places).query(places, k=min(PATCH, len(places)))[1]]
+    across = np.linalg.svd(patches - patches.mean(1, keepdims=True), full_matrices=False)[2][:, -1]
+    level = np.abs(across[:, 2]) > LEVEL
+    columns = cKDTree(places[:, :2]).query_ball_point(places[level, :2], NEAR * apart)
+    other = [
+        np.abs(places[near, 2] - height).max() > APART * apart
+        for near, height in zip(columns, places[level, 2], strict=True)
+    ]
+    return len(other) > 0 and float(np.mean(other)) > SHOWN
 
 
 def _lies(observation: Observation, places: Float64[Array, "N 3"], low: float, high: float) -> bool:

@@ -156,3 +156,20 @@ def test_what_falls_or_is_held_a_little_above_the_ground_is_not_on_it(rng):
 def test_an_upright_plane_has_no_underside(rng):
     places = np.stack([rng.uniform(0, 0.1, 60), np.zeros(60), rng.uniform(0.01, 0.1, 60)], -1)
     assert not len(underside(observed(places), places))
+
+
+def test_what_a_hand_holds_out_by_its_end_is_in_the_air_where_its_underside_is_seen(rng):
+    """A bottle that lies in the hand, as far above the ground as it is thick."""
+    ways = rng.normal(size=(150, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    tilt = np.radians(35.0)
+    turned = np.array([[np.cos(tilt), 0, -np.sin(tilt)], [0, 1, 0], [np.sin(tilt), 0, np.cos(tilt)]])
+    whole = ways * [0.125, 0.04, 0.04] @ turned.T
+    whole[:, 2] += 0.1 - whole[:, 2].min()
+    hand = np.repeat(whole[whole[:, 2].argmax()][None, None].astype(np.float32), 4, 0)
+    held = replace(observed(whole), controllers=hand)
+    assert not len(underside(held, whole))
+    assert body_of(held, "solid").points[:, 2].min() > 0.09
+    # a camera above sees its upper side, which may as well lie there
+    upper = whole[(ways @ turned.T)[:, 2] > 0.0]
+    assert len(underside(replace(observed(upper), controllers=hand), upper))
