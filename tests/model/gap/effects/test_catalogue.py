@@ -167,14 +167,15 @@ def test_a_grip_bears_the_weight_of_its_own_world(beneath, block):
     """Not of all that are rolled out beside it, where another effect gives each another weight."""
     values = {**start(beneath()), **start(GripSlip())}
     many = {name: value.detach() * torch.tensor([[1.0], [2.0], [4.0]]) for name, value in values.items()}
-    together = _slips(beneath, block, many).expand(3, 1)
+    together = _slips(beneath, block, many)
+    assert len(together) == 3
     for i in range(3):
         alone = _slips(beneath, block, {name: value[i, 0] for name, value in many.items()})
-        torch.testing.assert_close(together[i, 0], alone)
+        torch.testing.assert_close(together[i], alone)
 
 
 def _slips(beneath, block, values):
-    """Load [N] from which a grip slips, with another effect beneath it."""
+    """Load [N] from which each spring of a grip slips, with another effect beneath it."""
     own = {name: values[name] for name in beneath.quantities}
     world = GripSlip().apply(
         beneath().apply(block, own), {name: values[name] for name in GripSlip.quantities}
