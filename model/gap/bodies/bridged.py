@@ -6,11 +6,9 @@ would fall to the ground. One object hangs together.
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from model.gap.bodies.neighbours import pairs_within
+from model.gap.bodies.neighbours import hanging_together, pairs_within
 from model.types import Array
 
 APART = 0.6
@@ -33,20 +31,13 @@ def bridged(
     """
     while True:
         pairs = pairs_within(points, reach, least)
-        part = _parts(pairs, len(points))
+        part = hanging_together(pairs, len(points))
         if part.max() == 0:
             return points, pairs
         more = _bridge(points, part == _nearest(points, part), spacing)
         if not len(more):
             return points, pairs
         points = np.concatenate([points, more])
-
-
-def _parts(pairs: Int64[Array, "E 2"], count: int) -> Int64[Array, " P"]:
-    """Which of the parts that hang together each point is of."""
-    joined = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
-    parts: Int64[Array, " P"] = connected_components(joined, directed=False)[1].astype(np.int64)
-    return parts
 
 
 def _nearest(points: Float64[Array, "P 3"], part: Int64[Array, " P"]) -> int:

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.distance import pdist
 
+from model.gap.bodies.neighbours import patch_normals
 from model.gap.bodies.path import along, spanning_tree
 from model.gap.bodies.unrolled import unrolled
 from model.gap.size import size_of
@@ -101,8 +102,7 @@ def backed(places: Float64[Array, "N 3"]) -> float:
     """
     distance, near = cKDTree(places).query(places, k=PATCH)
     spacing = float(np.median(distance[:, AROUND - 1]))
-    patches = places[near] - places[near].mean(1, keepdims=True)
-    normal = np.linalg.svd(patches, full_matrices=False)[2][:, -1]
+    normal = patch_normals(places[near])
     way = places[None] - places[:, None]
     off = np.abs((way * normal[:, None]).sum(-1))
     beside = np.sqrt(np.maximum((way**2).sum(-1) - off**2, 0.0))

@@ -7,7 +7,7 @@ from scipy.spatial.distance import cdist
 
 from model.gap.bodies.guess import Shape
 from model.gap.bodies.leading import leads
-from model.gap.bodies.neighbours import farthest_points
+from model.gap.bodies.neighbours import farthest_points, patch_normals
 from model.types import Array, Observation
 
 NEAR, FAR = 2.0, 6.0
@@ -87,9 +87,8 @@ def _between(
 def _onto_surface(places: Float64[Array, "n 3"], points: Float64[Array, "P 3"]) -> Float64[Array, "n 3"]:
     """Each on the plane of the points around it."""
     near = points[cKDTree(points).query(places, k=min(AROUND, len(points)))[1]]
-    middle = near.mean(1)
-    normal = np.linalg.svd(near - middle[:, None], full_matrices=False)[2][:, -1]
-    out = ((places - middle) * normal).sum(1, keepdims=True)
+    normal = patch_normals(near)
+    out = ((places - near.mean(1)) * normal).sum(1, keepdims=True)
     moved: Float64[Array, "n 3"] = places - out * normal
     return moved
 

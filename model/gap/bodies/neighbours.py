@@ -1,7 +1,9 @@
-"""Who is near whom: subsets that cover all, pairs within reach, usual distances."""
+"""Who is near whom: subsets that cover all, pairs within reach, what hangs together, usual distances."""
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from model.types import Array
@@ -48,6 +50,20 @@ def pairs_within(points: Float64[Array, "P 3"], reach: float, least: int) -> Int
     near = tree.query(points, k=min(least + 1, len(points)))[1][:, 1:]
     pairs |= {(min(i, int(j)), max(i, int(j))) for i, row in enumerate(near) for j in row}
     return np.array(sorted(pairs), np.int64).reshape(-1, 2)
+
+
+def hanging_together(pairs: Int64[Array, "E 2"], count: int) -> Int64[Array, " P"]:
+    """Which of the parts that pairs join each of so many points is of."""
+    joined = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(count, count))
+    parts: Int64[Array, " P"] = connected_components(joined, directed=False)[1].astype(np.int64)
+    return parts
+
+
+def patch_normals(patches: Float64[Array, "N k 3"]) -> Float64[Array, "N 3"]:
+    """Unit normal of the plane that is nearest to each patch of points, on either side."""
+    own = patches - patches.mean(1, keepdims=True)
+    normals: Float64[Array, "N 3"] = np.linalg.svd(own, full_matrices=False)[2][:, -1]
+    return normals
 
 
 def usual_distance(places: Float64[Array, "N 3"], neighbour: int = 1) -> float:

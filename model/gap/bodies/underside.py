@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64
 from scipy.spatial import cKDTree
 
 from model.gap.bodies.falling import falls
-from model.gap.bodies.neighbours import FOURTH, usual_distance
+from model.gap.bodies.neighbours import FOURTH, patch_normals, usual_distance
 from model.gap.bodies.unheld import unheld
 from model.gap.size import size_of
 from model.types import Array, Observation
@@ -73,8 +73,7 @@ def _seen_from_below(places: Float64[Array, "N 3"]) -> bool:
     """Whether an underside is seen, wherever it is: most of what is level has another side below or above."""
     apart = usual_distance(places, FOURTH)
     patches = places[cKDTree(places).query(places, k=min(PATCH, len(places)))[1]]
-    across = np.linalg.svd(patches - patches.mean(1, keepdims=True), full_matrices=False)[2][:, -1]
-    level = np.abs(across[:, 2]) > LEVEL
+    level = np.abs(patch_normals(patches)[:, 2]) > LEVEL
     columns = cKDTree(places[:, :2]).query_ball_point(places[level, :2], NEAR * apart)
     other = [
         np.abs(places[near, 2] - height).max() > APART * apart

@@ -6,10 +6,9 @@ from typing import ClassVar
 import numpy as np
 import torch
 from jaxtyping import Float64, Int64
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
+from model.gap.bodies.neighbours import hanging_together
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, mass_of, no_grip
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
@@ -121,16 +120,11 @@ class GripSlip(Effect):
 def hands(system: System) -> Int64[Tensor, " S"]:
     """Which hand each spring of the grip is of, counted from 0: of one are held points that springs join."""
     edges = system.edges
-    held = edges.first[edges.spring_count :].cpu()
-    holders = edges.second[edges.spring_count :].cpu()
-    among = torch.zeros(edges.point_count, dtype=torch.bool)
-    among[held] = True
-    springs = system.springs.cpu()
-    springs = springs[among[springs].all(1)]
-    ends = np.concatenate([springs.numpy(), torch.stack([held, holders], 1).numpy()])
-    joined = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), (edges.node_count, edges.node_count))
-    group = connected_components(joined, directed=False)[1][held.numpy()]
-    return torch.from_numpy(np.unique(group, return_inverse=True)[1].astype(np.int64))
+    ends = torch.stack([edges.first, edges.second], 1).cpu().numpy()
+    springs, grip = np.split(ends, [edges.spring_count])
+    between_held = springs[np.isin(springs, grip[:, 0]).all(1)]
+    part = hanging_together(np.concatenate([between_held, grip]), edges.node_count)[grip[:, 0]]
+    return torch.from_numpy(np.unique(part, return_inverse=True)[1].astype(np.int64))
 
 
 def _of_hand(stiffness: Float64[Tensor, "*b S"], hand: Int64[Tensor, " S"]) -> Float64[Tensor, "*b S"]:
