@@ -11,7 +11,6 @@ from model.errors import InputError
 from model.simulator.contacts.self_collision import SelfCollision
 from model.simulator.drive import Drive
 from model.simulator.dynamics import Dynamics
-from model.simulator.forces.base import AxialForce
 from model.simulator.integrators.base import Integrator
 from model.simulator.kernel.call import Interval
 from model.simulator.kernel.cuda.kernel import CudaKernel
@@ -100,7 +99,7 @@ class FastPath(Path):
     @property
     def look(self) -> int:
         """Seldom where slopes come from torch and cost as much as many substeps: of a memory on a device."""
-        remembers = any(isinstance(term, AxialForce) and term.memory for term, _ in self._dynamics.forces)
+        remembers = any(term.memory for term, _ in self._dynamics.forces)
         return 4 if remembers and isinstance(self._kernel, CudaKernel) else 1
 
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes:

@@ -10,6 +10,7 @@ from torch import Tensor
 from model.simulator.contacts.base import ContactTerm
 from model.simulator.forces.base import AxialForce, ForceTerm, PairForce, spread
 from model.simulator.forces.decay import Decay
+from model.simulator.forces.stencil import StencilForce
 from model.simulator.motion import Motion
 from model.simulator.parameters import Values, broadcast
 from model.simulator.system import Anchors, State, System
@@ -68,7 +69,12 @@ class Dynamics:
         pulls = self._pulls(motion, state, dt, memory)
         force = None if pulls is None else motion.pull(pulls)
         for term, values in self._other:
-            more = term.force(motion, values)
+            known = values
+            if isinstance(term, StencilForce) and term.memory:
+                known = {**values, **_of(term, state.memory)}
+                after = term.remembered(motion, known, dt)
+                memory.update({f"{term.name}.{name}": value for name, value in after.items()})
+            more = term.force(motion, known)
             force = more if force is None else force + more
         if force is None:
             return torch.zeros_like(state.positions), memory
@@ -98,14 +104,17 @@ class Dynamics:
     def rest_memory(self, state: State, anchors: Anchors | None) -> dict[str, Tensor]:
         """What laws with memory remember of edges that have long been as long as they are."""
         motion = self.motion(state, anchors)
-        return {
-            f"{term.name}.{name}": value
-            for term, values in self._axial
-            if term.memory
-            for name, value in term.rest_memory(
-                motion.over(motion.length, term.where), motion.over(motion.rest_length, term.where), values
-            ).items()
-        }
+        remembered: dict[str, Tensor] = {}
+        for term, values in self._axial:
+            if term.memory:
+                length, rest = (motion.over(each, term.where) for each in (motion.length, motion.rest_length))
+                rests = term.rest_memory(length, rest, values)
+                remembered.update({f"{term.name}.{name}": value for name, value in rests.items()})
+        for other, values in self._other:
+            if isinstance(other, StencilForce) and other.memory:
+                rests = other.rest_memory(motion, values)
+                remembered.update({f"{other.name}.{name}": value for name, value in rests.items()})
+        return remembered
 
     def _acts(self, term: PairForce) -> bool:
         edges = self.system.edges
@@ -130,7 +139,7 @@ class Dynamics:
         return pulls
 
 
-def _of(term: AxialForce, memory: Values) -> dict[str, Tensor]:
+def _of(term: ForceTerm, memory: Values) -> dict[str, Tensor]:
     return {name: memory[f"{term.name}.{name}"] for name in term.memory}
 
 

@@ -14,6 +14,8 @@ LONGEST = 2.0
 """Longest side of a cell, in spacings."""
 NEAR = 1.5
 """Springs between neighbours are no longer than this, over how far a point usually is from its nearest."""
+IN_LINE = 2
+"""Neighbours of a point in a line."""
 FEWEST = 3
 """Neighbours of which three always lie in a plane with a point: they say nothing of how thick it is."""
 THINNEST = 0.2
@@ -85,6 +87,19 @@ def faces(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[
     triangles = np.column_stack([near[edge], third])
     ordered: Int64[Array, "F 3"] = triangles[np.lexsort(triangles.T[::-1])]
     return ordered
+
+
+def rows_of_line(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> Int64[Array, "S 3"]:
+    """Rows of what is a line, as `rows`; none in a sheet or in what is thick.
+
+    Args:
+        points: At rest [m].
+        springs: Pairs of points.
+    """
+    near = between_neighbours(points, springs)
+    if len(near) and np.median(np.bincount(near.ravel(), minlength=len(points))) <= IN_LINE:
+        return rows(points, springs)
+    return np.zeros((0, 3), np.int64)
 
 
 def _is_thin(points: Float64[Array, "N 3"], near: Int64[Array, "F 2"]) -> bool:

@@ -34,6 +34,8 @@ class ForceTerm(Parametric, ABC):
     """Its power is never positive."""
     steady: ClassVar[bool] = False
     """It pulls at points that do not move, from outside and alike wherever they are, as gravity does."""
+    memory: ClassVar[Mapping[str, float]] = {}
+    """What each edge or stencil that it acts on remembers, and its value before anything has happened."""
 
     @abstractmethod
     def force(self, motion: Motion, values: Values) -> Float[Tensor, "*b N 3"]:
@@ -70,8 +72,6 @@ class AxialForce(PairForce, ABC):
     law: ClassVar[Law]
     potential: ClassVar[Law | None] = None
     """Energy [J] of one edge, from the same names; -d/d length of it is minus the tension."""
-    memory: ClassVar[Mapping[str, float]] = {}
-    """What each edge remembers, and its value before anything has happened."""
     settled: ClassVar[Law | None] = None
     """What an edge remembers that has long been as long as it is, a tuple in the order of `memory`, from the
     same names; None: nothing has happened to it either."""

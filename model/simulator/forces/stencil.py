@@ -21,7 +21,8 @@ class StencilForce(ForceTerm, ABC):
     asks for what it needs by name: `positions` [m] and `velocities` [m/s] (tuples of as many `Vector`s as the
     stencil has points) and the term's constants; it uses arithmetic and torch functions only. `potential`
     gives the energy [J] of a stencil, and the forces are its negative gradient. `law` gives the force [N] on
-    each point, as a tuple of `Vector`s.
+    each point, as a tuple of `Vector`s. What a stencil remembers, by the names of `memory`, is a constant to
+    both; `after` says what it is at the end of a step.
 
     Args:
         stencils: Indices of the points, shape [stencil_count, size].
@@ -35,6 +36,11 @@ class StencilForce(ForceTerm, ABC):
     """Points in a stencil."""
     potential: ClassVar[Law | None] = None
     law: ClassVar[Law | None] = None
+    after: ClassVar[Law | None] = None
+    """What a stencil with memory remembers after `dt` [s], a tuple in the order of `memory`, from the same
+    names."""
+    settled: ClassVar[Law | None] = None
+    """The same of one that has long been where it is; None: nothing has happened to it either."""
     stencils: Tensor
 
     def __init__(self, stencils: Int[Tensor, "..."], **values: TensorLike) -> None:
@@ -53,8 +59,28 @@ class StencilForce(ForceTerm, ABC):
         """How many values a constant over `stencils` has."""
         return len(self.stencils) if over == "stencils" else super().own_size(over)
 
+    def remembered(self, motion: Motion, values: Values, dt: float) -> dict[str, Tensor]:
+        """What each stencil remembers after `dt` [s]; `values` are constants and what it remembers now."""
+        after = type(self).after
+        if not self.memory or after is None:
+            return {}
+        places, speeds = self._gather(motion.positions), self._gather(motion.velocities)
+        found = _ask(after, {**values, "dt": torch.as_tensor(dt, dtype=places.dtype)}, places, speeds)
+        return dict(zip(self.memory, found, strict=True))
+
+    def rest_memory(self, motion: Motion, values: Values) -> dict[str, Tensor]:
+        """What stencils remember that have long been where they are."""
+        places, settled = self._gather(motion.positions), type(self).settled
+        if settled is None:
+            like = places[..., 0, 0]
+            return {name: torch.full_like(like, value) for name, value in self.memory.items()}
+        found = _ask(settled, values, places, torch.zeros_like(places))
+        return dict(zip(self.memory, found, strict=True))
+
     def force(self, motion: Motion, values: Values) -> Float[Tensor, "*b N 3"]:
-        """Force [N] on every point."""
+        """Force [N] on every point; `values` are constants and what stencils remember: else as if at rest."""
+        if not all(name in values for name in self.memory):
+            values = {**values, **self.rest_memory(motion, values)}
         places, speeds = self._gather(motion.positions), self._gather(motion.velocities)
         law = type(self).law
         if law is not None:
@@ -71,8 +97,11 @@ class StencilForce(ForceTerm, ABC):
         return self._scatter(motion, -slope)
 
     def energy(self, motion: Motion, values: Values) -> Float[Tensor, "*b"] | None:
-        """Sum of `potential` over the stencils [J]; None where there is none."""
-        if type(self).potential is None:
+        """Sum of `potential` over the stencils [J].
+
+        None where there is none, or where they remember something that `values` do not tell.
+        """
+        if type(self).potential is None or not all(name in values for name in self.memory):
             return None
         places, speeds = self._gather(motion.positions), self._gather(motion.velocities)
         return self._energies(values, places, speeds).sum(-1)

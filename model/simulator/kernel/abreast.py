@@ -15,6 +15,7 @@ from torch import Tensor
 
 from model.simulator.edges import Edges
 from model.simulator.kernel.call import Buffers, Call, Frame, Interval
+from model.simulator.kernel.groups import Acts
 from model.simulator.kernel.terms import Terms
 
 FULL: Mapping[int, tuple[float, float]] = {8: (0.55, 0.7), 16: (0.3, 0.55)}
@@ -118,7 +119,8 @@ class Abreast:
         self._held = {
             name: like.new_zeros(groups, pairs.controllers, AXES, lanes) for name in ("before", "after")
         }
-        sizes = {"springs": len(pairs.springs), "controllers": len(pairs.held)}
+        sizes: dict[Acts, int] = {"springs": len(pairs.springs), "controllers": len(pairs.held)}
+        sizes |= {number: len(corners) for number, corners in enumerate(pairs.corners)}
         self._memories = [like.new_zeros(groups, sizes[kind], lanes) for kind in terms.memory_kinds]
         single |= {
             "rows": self._rows,

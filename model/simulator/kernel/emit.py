@@ -71,10 +71,11 @@ def kernel_source(
             counts = _fill(struct, groups[kind], counts)
         laws.append(struct.text())
     for index, each in enumerate(corners):
-        text, counts = _corners(f"Stencil{index}", each, counts)
+        text, counts = _corners(index, each, counts)
         laws.append(text)
-    calls = " ".join(f"{{ Stencil{index} law(f); go(law, {index}); }}" for index in range(len(corners)))
-    laws.append(f"template <class Do> INLINE void each_stencil(const Frame &f, Do go) {{ {calls} }}\n")
+    calls = " ".join(f"{{ Stencil{index} law(f, step); go(law, {index}); }}" for index in range(len(corners)))
+    head_of = "template <class Do> INLINE void each_stencil(const Frame &f, int64_t step, Do go)"
+    laws.append(f"{head_of} {{ {calls} }}\n")
     parts = SIDE_BY_SIDE if abreast else ONE_BY_ONE
     before, after = ([(ENGINE / f"{name}.cpp").read_text() for name in names] for names in parts)
     return "\n".join([*head, *before, *laws, *after])
@@ -134,13 +135,10 @@ def _fill(struct: _Struct, group: Group, before: tuple[int, int, int]) -> tuple[
     rows = f"W * f.{struct.kind.removesuffix('s')}_rows"
     first = memories
     for term, variable in group.memory:
-        name, all_of = key(term, variable), f"f.memory[{memories}] + f.keep * {rows}"
-        struct.fields += [f"const R *m{memories}", f"R *n{memories}", f"R *b{memories}"]
-        struct.made += [f"m{memories}({all_of} * step)", f"n{memories}({all_of} * (step + 1))"]
-        struct.made.append(f"b{memories}(f.memory_adjoint[{memories}])")
-        symbols[name] = f"load(m{memories} + W * slot)"
-        symbols[f"{name}.bar"] = f"load(b{memories} + W * slot)"
-        sinks[name] = f"store(b{memories} + W * slot, {{}});"
+        name = key(term, variable)
+        fields, made, symbols[name], symbols[f"{name}.bar"], sinks[name] = _remembered(memories, rows)
+        struct.fields += fields
+        struct.made += made
         memories += 1
     struct.tension = _tension(group, symbols, first)
     struct.pull_back = _pull_back(group, symbols, sinks)
@@ -155,11 +153,27 @@ def _per_edge(index: int) -> tuple[list[str], list[str], str, str]:
     return fields, made, f"load(a{index} + W * slot)", sink
 
 
-def _corners(name: str, corners: Corners, before: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
-    """The law of a stencil as the engine wants it."""
+def _remembered(index: int, rows: str) -> tuple[list[str], list[str], str, str, str]:
+    """Fields, initialisers, how a variable is read, its adjoint after a substep, and where that before goes.
+
+    Args:
+        index: Of the variable.
+        rows: How many numbers there are of it, in C++.
+    """
+    all_of = f"f.memory[{index}] + f.keep * {rows}"
+    fields = [f"const R *m{index}", f"R *n{index}", f"R *b{index}"]
+    made = [f"m{index}({all_of} * step)", f"n{index}({all_of} * (step + 1))"]
+    made.append(f"b{index}(f.memory_adjoint[{index}])")
+    read, bar = f"load(m{index} + W * slot)", f"load(b{index} + W * slot)"
+    return fields, made, read, bar, f"store(b{index} + W * slot, {{}});"
+
+
+def _corners(index: int, corners: Corners, before: tuple[int, int, int]) -> tuple[str, tuple[int, int, int]]:
+    """The law of the stencils of a number as the engine wants it."""
     edges, scenes, memories = before
-    symbols = {symbol: "{}[{}][{}]".format(*symbol.split(".")) for symbol in corners.symbols}
-    fields, made, sinks = list[str](), list[str](), list[str]()
+    name, first = f"Stencil{index}", memories
+    symbols = {symbol: "{}[{}][{}]".format(*symbol.split(".")) for symbol in corners.symbols} | {"dt": "dt"}
+    fields, made, sinks = ["V dt"], ["dt(splat(R(f.lasts)))"], list[str]()
     for given in corners.inputs:
         if given.each:
             more, how, symbols[key(given.term, given.name)], sink = _per_edge(edges)
@@ -171,18 +185,30 @@ def _corners(name: str, corners: Corners, before: tuple[int, int, int]) -> tuple
             sink = f"if (gs{scenes}) accumulate(gs{scenes} + W * slot, {{}});"
             scenes += 1
         fields, made, sinks = [*fields, *more], [*made, *how], [*sinks, sink]
-    ahead = Statements(corners.forces, symbols)
-    back = Statements([*corners.forces, *corners.places, *corners.constants], symbols)
+    kept = list[str]()
+    for term, variable in corners.memory:
+        more, how, read, bar, sink = _remembered(memories, f"W * f.groups[{index}]")
+        fields, made, kept = [*fields, *more], [*made, *how], [*kept, sink]
+        symbols |= {key(term, variable): read, f"{key(term, variable)}.bar": bar}
+        memories += 1
+    ahead = Statements([*corners.forces, *corners.updates], symbols)
+    back = Statements([*corners.forces, *corners.places, *corners.constants, *corners.memories], symbols)
+    stores = [
+        f"store(n{first + number} + W * slot, {ahead.name(update)});"
+        for number, update in enumerate(corners.updates)
+    ]
     forces, bars = _assigned("force", corners.forces, 3), _assigned("bar", corners.places, 6)
-    constants = [sink.format(back.name(bar)) for sink, bar in zip(sinks, corners.constants, strict=True)]
+    adjoints = zip([*sinks, *kept], [*corners.constants, *corners.memories], strict=True)
+    constants = [sink.format(back.name(bar)) for sink, bar in adjoints]
     acts, arguments = "V force[][3]", "int64_t slot, const V x[][8]"
     lines = [
         f"struct {name} {{",
         f"  enum {{ SIZE = {corners.size} }};",
         *(f"  {each};" for each in fields),
-        f"  LAW {name}(const Frame &f)" + (" : " + ", ".join(made) if made else "") + " {}",
+        f"  LAW {name}(const Frame &f, int64_t step) : " + ", ".join(made) + " {}",
         f"  LAW void forces({arguments}, {acts}) const {{",
-        *(f"    {line}" for line in [*ahead.lines, *(f.format(ahead.name(e)) for f, e in forces)]),
+        *(f"    {line}" for line in [*ahead.lines, *stores]),
+        *(f"    {f.format(ahead.name(e))}" for f, e in forces),
         "  }",
         f"  LAW void pull_back({arguments}, const V pulled[][4], {acts}, V bar[][6]) const {{",
         *(f"    {line}" for line in back.lines),

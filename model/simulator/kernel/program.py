@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from model.simulator.kernel.call import Buffers, Call, Graphs, Interval, state_rows
-from model.simulator.kernel.groups import Acts, Kind
+from model.simulator.kernel.groups import Acts
 from model.simulator.kernel.layout import LANES, Incidence, Layout, Pieces, Slots
 
 HALF = LANES // 2
@@ -31,7 +31,7 @@ class Program:
     """What each constant with one value per edge or stencil belongs to."""
     scenes: tuple[Acts, ...]
     """The same for the constants of the scene."""
-    memories: tuple[Kind, ...]
+    memories: tuple[Acts, ...]
     """The same for the variables of memory."""
 
     def slots(self, kind: Acts) -> Slots:

@@ -54,9 +54,10 @@ class Terms:
         """What each constant with one value per edge or stencil belongs to."""
         self.scene_acts = tuple(kind for kind, each in inputs if not each.each)
         """The same for the constants of the scene."""
-        self.memory = [name for group in self.groups.values() for name in group.memory]
+        kept: list[tuple[Acts, Group | Corners]] = [*self.groups.items(), *enumerate(self.corners)]
+        self.memory = [name for _, each in kept for name in each.memory]
         """Term and variable of all that is remembered."""
-        self.memory_kinds = tuple(kind for kind, group in self.groups.items() for _ in group.memory)
+        self.memory_kinds = tuple(kind for kind, each in kept for _ in each.memory)
         known = {SYSTEM: {"rest_length": dynamics.rest_length}}
         known |= {term.name: dict(values) for term, values in dynamics.forces}
         self.edges = [self._value(known, kind, each) for kind, each in inputs if each.each]

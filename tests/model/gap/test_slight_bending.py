@@ -13,14 +13,17 @@ from model.types import Observation
 WEIGHT = 2.0
 
 
-def bent(term, places):
-    """Energy [J] and forces [N] of the term where its points are at these places."""
+def bent(term, places, first=None):
+    """Energy [J] and forces [N] of the term where its points are there, and were elsewhere at first."""
     nothing = torch.zeros((0, 2), dtype=torch.long)
     points = torch.from_numpy(places)
     system = System(points=points, mass=1.0, springs=nothing, rest_length=torch.zeros(0))
     dynamics = Dynamics(system, [term], [])
-    motion, values = dynamics.motion(State(points, torch.zeros_like(points)), None), dynamics.forces[0][1]
-    return float(term.energy(motion, values)), term.force(motion, values)
+    before = points if first is None else torch.from_numpy(first)
+    there, motion = (dynamics.motion(State(each, torch.zeros_like(each)), None) for each in (before, points))
+    values = dynamics.forces[0][1]
+    known = {**values, **term.rest_memory(there, values)}
+    return float(term.energy(motion, known)), term.force(motion, known)
 
 
 def test_it_is_at_ease_as_first_seen(hung):
@@ -40,7 +43,7 @@ def test_a_rope_that_was_curved_at_first_resists_being_straightened():
     steps = np.linalg.norm(np.diff(body.points, axis=0), axis=1)
     straight = np.zeros_like(body.points)
     straight[1:, 0] = steps.cumsum()
-    energy, force = bent(term, straight)
+    energy, force = bent(term, straight, body.points)
     # B κ² / s of every row, κ the angle between two pieces and s both of them together
     way = np.diff(body.points, axis=0) / steps[:, None]
     turn = np.arccos(np.clip((way[1:] * way[:-1]).sum(1), -1, 1))

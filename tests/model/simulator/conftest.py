@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from model.simulator.dynamics import Dynamics
 from model.simulator.forces.base import spread
+from model.simulator.forces.stencil import StencilForce
 from model.simulator.simulator import Simulator
 from model.simulator.system import Anchors, State, System
 
@@ -98,6 +99,13 @@ def force_of():
         motion = dynamics.motion(state, anchors)
         if not getattr(term, "memory", None):
             return term.force(motion, values)
+        if isinstance(term, StencilForce):
+            # what it remembers of another shape, which turns with the world
+            middle, count = state.positions.mean(0), len(state.positions)
+            larger = 1.0 + 0.1 * torch.sin(torch.arange(count, dtype=middle.dtype)).unsqueeze(-1)
+            there = State(middle + larger * (state.positions - middle), state.velocities)
+            told = term.rest_memory(dynamics.motion(there, anchors), values)
+            return term.force(motion, {**values, **told})
         fresh = dict.fromkeys(term.memory, torch.zeros_like(motion.over(motion.length, term.where)))
         remembered = {
             name: value + torch.linspace(0.01, 0.03, value.numel(), dtype=value.dtype)

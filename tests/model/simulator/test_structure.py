@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.simulator.structure import between_neighbours, cells, faces, rows, spans, turns
+from model.simulator.structure import between_neighbours, cells, faces, rows, rows_of_line, spans, turns
 
 
 def test_a_chain_is_one_row():
@@ -42,6 +42,19 @@ def test_points_without_springs_have_no_neighbours():
 def test_a_point_that_nothing_holds_does_not_matter():
     points = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0], [9.0, 0, 0]])
     assert between_neighbours(points, np.array([[0, 1], [1, 2], [0, 2]])).tolist() == [[0, 1], [1, 2]]
+
+
+def test_rows_of_a_line_are_a_ropes_alone():
+    chain = np.stack([0.1 * np.arange(5), np.zeros(5), np.zeros(5)], -1)
+    links = np.stack([np.arange(4), np.arange(1, 5)], -1)
+    assert rows_of_line(chain, links).tolist() == rows(chain, links).tolist()
+    net = np.stack(np.meshgrid(np.arange(4), np.arange(4), [0.0], indexing="ij"), -1).reshape(-1, 3)
+    meshes = np.array(
+        [[i, i + by] for i in range(16) for by in (1, 4) if i % 4 + (by == 1) < 4 and i + by < 16]
+    )
+    assert len(rows(net, meshes)) > 0
+    assert len(rows_of_line(net, meshes)) == 0
+    assert len(rows_of_line(chain, np.zeros((0, 2), np.int64))) == 0
 
 
 def test_cells_fill_a_block():

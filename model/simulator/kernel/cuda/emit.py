@@ -69,7 +69,7 @@ def kernel_source(
     counts, laws = _Counts(), list[str]()
     for kind in KINDS:
         laws.append(_group(kind, groups[kind], counts) if kind in groups else _nothing(kind))
-    laws += [_corners(f"Stencil{index}", each, counts) for index, each in enumerate(corners)]
+    laws += [_corners(index, each, counts) for index, each in enumerate(corners)]
     laws.append(_dispatch(len(corners)))
     sizes = {
         "GROUND": int(ground),
@@ -98,18 +98,8 @@ def _group(kind: Kind, group: Group, counts: _Counts) -> str:
     rest = members.symbols[key(group.inputs[0].term, group.inputs[0].name)]
     updates = []
     for (term, variable), update in zip(group.memory, group.updates, strict=True):
-        index, name = counts.memories, key(term, variable)
         slots = "springs" if kind == "springs" else "held"
-        for now, ahead in (("m", "step"), ("n", "(step + 1)")):
-            members.fields.append(f"R *{now}{index}")
-            members.made.append(
-                f"{now}{index}(of(f.memory[{index}], element) + f.keep * f.{slots}.count * {ahead})"
-            )
-        members.pointer(f"b{index}", f"f.memory_adjoint[{index}]", constant=False)
-        members.symbols[name], members.symbols[f"{name}.bar"] = f"m{index}[at]", f"b{index}[at]"
-        members.sinks[name] = f"b{index}[at] = {{}};"
-        updates.append((f"n{index}[at] = {{}};", update))
-        counts.memories += 1
+        updates.append((_remembered(members, key(term, variable), f"f.{slots}.count", counts), update))
     forms = {"length": "lengthbar = {};", "rate": "ratebar = {};", **members.sinks}
     back = [(forms[name], adjoint) for name, adjoint in group.adjoints.items()]
     tension = [("return {};", group.tension)]
@@ -136,23 +126,48 @@ def _nothing(kind: Kind) -> str:
     return _Members().text(kind.capitalize(), methods)
 
 
-def _corners(name: str, corners: Corners, counts: _Counts) -> str:
-    """The law of a stencil."""
-    members = _Members()
+def _remembered(members: _Members, name: str, count: str, counts: _Counts) -> str:
+    """Make a variable known, of which there are so many; returns how it is put away.
+
+    Args:
+        members: Of the law that remembers.
+        name: Of the variable.
+        count: In C++.
+        counts: The variable is the next of these.
+    """
+    index = counts.memories
+    for now, ahead in (("m", "step"), ("n", "(step + 1)")):
+        members.fields.append(f"R *{now}{index}")
+        members.made.append(f"{now}{index}(of(f.memory[{index}], element) + f.keep * {count} * {ahead})")
+    members.pointer(f"b{index}", f"f.memory_adjoint[{index}]", constant=False)
+    members.symbols[name], members.symbols[f"{name}.bar"] = f"m{index}[at]", f"b{index}[at]"
+    members.sinks[name] = f"b{index}[at] = {{}};"
+    counts.memories += 1
+    return f"n{index}[at] = {{}};"
+
+
+def _corners(index: int, corners: Corners, counts: _Counts) -> str:
+    """The law of the stencils of a number."""
+    members = _Members(["R dt"], ["dt(R(f.dt))"], {"dt": "dt"})
     members.symbols |= {symbol: "{}[{}][{}]".format(*symbol.split(".")) for symbol in corners.symbols}
     for given in corners.inputs:
         _constant(members, given, counts)
+    updates = [
+        (_remembered(members, key(term, variable), f"f.stencils[{index}]", counts), update)
+        for (term, variable), update in zip(corners.memory, corners.updates, strict=True)
+    ]
     forces = [(f"force[{i // 3}][{i % 3}] = {{}};", force) for i, force in enumerate(corners.forces)]
     places = [(f"bar[{i // 6}][{i % 6}] = {{}};", place) for i, place in enumerate(corners.places)]
-    constants = list(zip(members.sinks.values(), corners.constants, strict=True))
+    adjoints = [*corners.constants, *corners.memories]
+    constants = list(zip(members.sinks.values(), adjoints, strict=True))
     known = "Long at, const R x[][6]"
     methods = {
-        f"void forces({known}, R force[][3]) const": _body(forces, members.symbols),
+        f"void forces({known}, R force[][3]) const": _body([*updates, *forces], members.symbols),
         f"void pull_back({known}, const R pulled[][3], R force[][3], R bar[][6]) const": _body(
             [*forces, *places, *constants], members.symbols
         ),
     }
-    return members.text(name, methods, [f"enum {{ SIZE = {corners.size} }}"])
+    return members.text(f"Stencil{index}", methods, [f"enum {{ SIZE = {corners.size} }}"])
 
 
 def _constant(members: _Members, given: Input, counts: _Counts) -> str:
@@ -180,9 +195,10 @@ def _body(wanted: Sequence[tuple[str, Expression]], symbols: Mapping[str, str]) 
 
 def _dispatch(count: int) -> str:
     """What finds the stencil of a thread."""
-    lines = ["template <class Do> DEVICE void on_stencil(const Frame &f, int element, Long thread, Do go) {"]
+    given = "const Frame &f, int element, int step, Long thread, Do go"
+    lines = [f"template <class Do> DEVICE void on_stencil({given}) {{"]
     for index in range(count):
         lines.append(f"  if (thread < f.stencils[{index}]) {{")
-        lines.append(f"    go(Stencil{index}(f, element, 0), {index}, thread);")
+        lines.append(f"    go(Stencil{index}(f, element, step), {index}, thread);")
         lines += ["    return;", "  }", f"  thread -= f.stencils[{index}];"]
     return "\n".join([*lines, "}\n"])

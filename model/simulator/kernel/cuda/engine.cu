@@ -156,7 +156,7 @@ DEVICE void act(const Law &law, const Frame &f, int element, int step, int term,
 
 KERNEL forward_corners(const Frame f, const int step) {
   const int thread = blockIdx.x * blockDim.x + threadIdx.x, element = blockIdx.y;
-  on_stencil(f, element, thread,
+  on_stencil(f, element, step, thread,
              [&](const auto &law, int term, Long stencil) { act(law, f, element, step, term, stencil); });
 }
 
@@ -295,7 +295,7 @@ DEVICE void act_back(const Law &law, const Frame &f, int element, int step, int 
 
 KERNEL backward_corners(const Frame f, const int step) {
   const int thread = blockIdx.x * blockDim.x + threadIdx.x, element = blockIdx.y;
-  on_stencil(f, element, thread,
+  on_stencil(f, element, step, thread,
              [&](const auto &law, int term, Long stencil) { act_back(law, f, element, step, term, stencil); });
 }
 

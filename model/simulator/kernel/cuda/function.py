@@ -111,7 +111,10 @@ class Adjoint:
         self._state = torch.cat([bars[0], bars[1]], -1).index_select(1, program.layout.point).contiguous()
         self._memories = [like.new_zeros(memory.shape) for memory in start.memories]
         for memory, bar, kind in zip(self._memories, bars[2:], program.memories, strict=True):
-            memory[:, program.slots(kind).places] = bar.unsqueeze(1)
+            if isinstance(kind, int):
+                memory.copy_(bar)
+            else:
+                memory[:, program.slots(kind).places] = bar.unsqueeze(1)
         self._points = {name: room(wants[name], points) for name in NAMED[NAMED.index("inverse_mass") :]}
         self._gravity = room(wants["gravity"], points, 3)
         held = program.size("controllers")

@@ -32,7 +32,7 @@ class Program:
     """What each constant with one value per edge or stencil belongs to."""
     scenes: tuple[Acts, ...]
     """The same for the constants of the scene."""
-    memories: tuple[Kind, ...]
+    memories: tuple[Acts, ...]
     """The same for the variables of memory."""
 
     @property

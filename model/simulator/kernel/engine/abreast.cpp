@@ -70,8 +70,8 @@ INLINE void bend_some(const Law &law, int64_t first, const int32_t *corners, con
     for (int c = 0; c < SIZE; ++c) pull_node(pulls, corners[SIZE * (first + i) + c], force[i][c], 1);
 }
 
-static void bend_abreast(const Frame &f, R *pulls) {
-  each_stencil(f, [&](auto &law, int term) {
+static void bend_abreast(const Frame &f, int64_t step, R *pulls) {
+  each_stencil(f, step, [&](auto &law, int term) {
     int64_t slot = 0;
     for (; slot + AT_ONCE <= f.groups[term]; slot += AT_ONCE)
       bend_some<AT_ONCE>(law, slot, f.corners[term], f.rows, pulls);
@@ -118,7 +118,7 @@ extern "C" void abreast(const Frame *frames, int groups, int threads) {
       const Controllers controllers(f, step);
       if (SPRINGS) pull_abreast<true>(springs, f.spring_rows, f.spring_offset, f.rows, f.sums);
       if (CONTROLLERS) pull_abreast<false>(controllers, f.controller_rows, f.controller_offset, f.rows, f.sums);
-      if (STENCILS) bend_abreast(f, f.sums);
+      if (STENCILS) bend_abreast(f, step, f.sums);
       move_abreast(f, f.sums);
     }
   }

@@ -108,7 +108,7 @@ static void retreat(const Frame &f, Team &team, int thread) {
     const R *rows = state(f, step), *pulls = f.pulls[(step + 1) & 1];
     if (STENCILS)
       team.share_many(phase++, thread, all_groups(f),
-                      [&](int64_t first, int64_t last) { bend_back(f, rows, pulls, first, last); });
+                      [&](int64_t first, int64_t last) { bend_back(f, step, rows, pulls, first, last); });
     if (SPRINGS)
       team.share(phase++, thread, f.pieces, [&](int64_t piece) { release<weighs>(f, step, rows, pulls, piece); });
     team.share(phase++, thread, f.pieces, [&](int64_t piece) {

@@ -60,7 +60,7 @@ static void advance(const Frame &f, Team &team, int thread, Meeting &meeting) {
     const R *from = state(f, step % f.ring);
     R *to = state(f, (step + 1) % f.ring);
     if (STENCILS)
-      team.share_many(phase++, thread, all_groups(f), [&](int64_t first, int64_t last) { bend(f, from, first, last); });
+      team.share_many(phase++, thread, all_groups(f), [&](int64_t first, int64_t last) { bend(f, step, from, first, last); });
     if (SPRINGS) team.share(phase++, thread, f.pieces, [&](int64_t piece) { pull_springs(f, step, from, to, piece); });
     if (!f.meeting) {
       team.share(phase++, thread, f.pieces,

@@ -2,9 +2,9 @@
 
 // The stencils [begin, end) of all laws, counted in eights.
 template <class Do>
-INLINE void stencils_of(const Frame &f, int64_t begin, int64_t end, Do go) {
+INLINE void stencils_of(const Frame &f, int64_t step, int64_t begin, int64_t end, Do go) {
   int64_t passed = 0;
-  each_stencil(f, [&](auto &law, int term) {
+  each_stencil(f, step, [&](auto &law, int term) {
     const int64_t from = begin > passed ? begin - passed : 0, here = f.groups[term];
     for (int64_t group = from; group < here && group < end - passed; ++group) go(law, term, group);
     passed += here;
@@ -17,8 +17,8 @@ INLINE int64_t all_groups(const Frame &f) {
   return sum;
 }
 
-static void bend(const Frame &f, const R *rows, int64_t begin, int64_t end) {
-  stencils_of(f, begin, end, [&](auto &law, int term, int64_t group) {
+static void bend(const Frame &f, int64_t step, const R *rows, int64_t begin, int64_t end) {
+  stencils_of(f, step, begin, end, [&](auto &law, int term, int64_t group) {
     enum { SIZE = std::remove_reference_t<decltype(law)>::SIZE };
     V at[SIZE][8], force[SIZE][3];
     for (int c = 0; c < SIZE; ++c) gather(rows, f.corners[term] + W * (SIZE * group + c), at[c]);
@@ -30,8 +30,8 @@ static void bend(const Frame &f, const R *rows, int64_t begin, int64_t end) {
   });
 }
 
-static void bend_back(const Frame &f, const R *rows, const R *pulls, int64_t begin, int64_t end) {
-  stencils_of(f, begin, end, [&](auto &law, int term, int64_t group) {
+static void bend_back(const Frame &f, int64_t step, const R *rows, const R *pulls, int64_t begin, int64_t end) {
+  stencils_of(f, step, begin, end, [&](auto &law, int term, int64_t group) {
     enum { SIZE = std::remove_reference_t<decltype(law)>::SIZE };
     V at[SIZE][8], pulled[SIZE][4], force[SIZE][3], bar[SIZE][6];
     for (int c = 0; c < SIZE; ++c) {

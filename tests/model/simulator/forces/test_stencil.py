@@ -29,7 +29,8 @@ def free_points():
 def energy_of():
     def energy(term, system, state):
         dynamics = Dynamics(system, [term], [])
-        return float(term.energy(dynamics.motion(state, None), dynamics.forces[0][1]).detach())
+        motion, values = dynamics.motion(state, None), dynamics.forces[0][1]
+        return float(term.energy(motion, {**values, **term.rest_memory(motion, values)}).detach())
 
     return energy
 

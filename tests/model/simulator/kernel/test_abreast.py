@@ -33,13 +33,14 @@ def rolled(made, backend, **options):
 
 @pytest.fixture
 def worlds(scene):
-    """Scenes of nineteen worlds, each with springs, dashpots and bending of its own."""
+    """Scenes of nineteen worlds, each with springs, dashpots and bends of its own."""
 
     def build(dtype=torch.float64, **options):
         rng = np.random.default_rng(2)
         corners = torch.from_numpy(np.stack([rng.permutation(61)[:3] for _ in range(19)]))
         stiffness = torch.tensor(rng.uniform(1e-6, 1e-5, (WORLDS, 19)), dtype=dtype)
-        return scene(dtype, forces=[Bending(corners, stiffness, 0.05)], batch=(WORLDS,), **options)
+        turn = torch.tensor(rng.uniform(0.1, 0.5, (WORLDS, 19)), dtype=dtype)
+        return scene(dtype, forces=[Bending(corners, stiffness, 0.05, turn)], batch=(WORLDS,), **options)
 
     return build
 
@@ -136,9 +137,10 @@ def test_what_is_lost_in_one_stays_in_it(worlds, monkeypatch, beside, kind):
         speeds = start.velocities.expand(WORLDS, -1, -1).clone()
         controls = made.controls[0], made.controls[1]
         interval = Interval(dt=0.0005, count=40, seconds=0.02)
-        sound = runner.advance(State(places, speeds), controls, interval, False)
+        memory = dynamics.rest_memory(State(places, speeds), None)
+        sound = runner.advance(State(places, speeds, memory), controls, interval, False)
         speeds[3, 7] = torch.nan
-        lost = runner.advance(State(places, speeds), controls, interval, False)
+        lost = runner.advance(State(places, speeds, memory), controls, interval, False)
     assert [type(ready) for ready in runner._ready.values()] == [kind]
     others = [world for world in range(WORLDS) if world != 3]
     assert torch.equal(lost.positions[others], sound.positions[others])
@@ -202,9 +204,11 @@ def test_how_many_pay_is_asked_of_the_graph_that_is_run(worlds, monkeypatch, few
     monkeypatch.setattr(abreast, "FULL", {8: (0.3, 2.0), 16: (0.3, 2.0)})
     made = worlds()
     with torch.no_grad():
-        runner = Kernel(made.simulator.dynamics(), made.simulator.integrator, torch.Size([WORLDS]))
+        dynamics = made.simulator.dynamics()
+        runner = Kernel(dynamics, made.simulator.integrator, torch.Size([WORLDS]))
         start = made.state()
-        whole = [value.expand(WORLDS, -1, -1) for value in (start.positions, start.velocities)]
+        whole = State(*(value.expand(WORLDS, -1, -1) for value in (start.positions, start.velocities)))
+        remembering = replace(whole, memory=dynamics.rest_memory(whole, None))
         interval = Interval(dt=0.0005, count=4, seconds=0.002)
-        runner.advance(State(*whole), (made.controls[0], made.controls[1]), interval, False)
+        runner.advance(remembering, (made.controls[0], made.controls[1]), interval, False)
     assert [type(ready) for ready in runner._ready.values()] == [kind]
