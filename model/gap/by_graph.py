@@ -23,9 +23,11 @@ def by_graph(record: EffectRecord, before: Graph, after: Graph) -> EffectRecord:
         before: On which it has these numbers.
         after: On which it is to act.
     """
+    in_rows = _in_rows(before) / max(_in_rows(after), 1e-12)
     factors = {
         ("self_collision", "distance"): before.spacing / after.spacing,
-        ("bending_stiffness", "bending_stiffness"): _in_rows(before) / max(_in_rows(after), 1e-12),
+        ("bending_stiffness", "bending_stiffness"): in_rows,
+        ("plasticity", "bending_stiffness"): in_rows,
     }
     parameters = dict(record.parameters)
     for (effect, name), factor in factors.items():

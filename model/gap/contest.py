@@ -23,6 +23,7 @@ from model.gap.side_by_side import side_by_side
 from model.gap.stages import Portion, Progress, within
 from model.gap.study import DEAR, Study
 from model.gap.verdict import Judged
+from model.gap.weighing import WITHIN_ROPES
 from model.schema import EffectName
 
 FITTED: Mapping[Shape, int] = {"rope": 5, "sheet": 4, "solid": 5}
@@ -78,8 +79,9 @@ def contested(fitted: Study, screened: Screened, tell: Progress) -> Contest:
     order = likely(screened.begins, screened.first)
     shape = fitted.plain.twin.body.shape
     most = FITTED_DEAR if fitted.work > LABORIOUS[shape] else FITTED[shape]
-    first = order[:most]
-    others = order[most : 2 * most] if fitted.work <= QUICK else []
+    first = with_simpler(order[:most], order, shape)
+    second = with_simpler(order[most : 2 * most], order, shape) if fitted.work <= QUICK else []
+    others = [name for name in second if name not in first]
     anew = _anew(fitted, screened, first, within(tell, "confirm", 0.3, 0.42))
     plain = _refitted(fitted, anew)
     contest = _fought(fitted, screened, plain, anew, within(tell, "confirm", 0.42, 0.58))
@@ -105,6 +107,21 @@ def likely(begins: Mapping[EffectName, Begun], first: Judged) -> list[EffectName
     promising = sorted(begins, key=lambda name: begins[name].promised)
     in_turn = chain.from_iterable(zip(promising, begins, strict=True))
     return list(dict.fromkeys([*ranked, *in_turn]))
+
+
+def with_simpler(names: Sequence[EffectName], able: Sequence[EffectName], shape: Shape) -> list[EffectName]:
+    """These, and what may be all that is at work where one of a rope's can do as much and more.
+
+    From where the plain twin has made up for it, no probe of an elastic rod leaves less than none does, but
+    one of a rod that yields may.
+
+    Args:
+        names: Of effects that are to be fitted.
+        able: Of all that can act.
+        shape: Of the body.
+    """
+    pairs = WITHIN_ROPES.items() if shape == "rope" else ()
+    return list(dict.fromkeys([*names, *(one for one, other in pairs if other in names and one in able)]))
 
 
 def fitted_with(

@@ -35,6 +35,8 @@ WITHIN: Mapping[EffectName, EffectName] = {"gravity_tilt": "wind", "viscoelastic
 """What the second of them can be like with a quantity more. A wind that is strong and pulls little pushes
 alike everywhere and at all times, as a tilt does; what yields at no strain, slowly, and hardens relaxes as a
 viscous branch does."""
+WITHIN_ROPES: Mapping[EffectName, EffectName] = {"bending_stiffness": "plasticity"}
+"""The same of ropes alone: one whose bends never yield is an elastic rod."""
 SIMPLER = 0.5 * float(np.log(2 * BLOCKS))
 """Nats by which the simpler of such two is likelier where it explains as much, if both were fitted; together
 they are believed as much as without: half the logarithm of the blocks of time of two recordings."""
@@ -90,7 +92,7 @@ class Weighing:
         scores = self.scores(account)
         most = max(scores.values())
         chances = {name: float(np.exp(score - most)) for name, score in scores.items()}
-        for simple, other in WITHIN.items():
+        for simple, other in nested(account.shape).items():
             if not {simple, other} <= set(account.told):
                 continue
             both = chances[simple] + chances[other]
@@ -128,6 +130,11 @@ class Weighing:
             + (self.buckling if thin and name == SLACK else 0.0)
             for name, one in surely.items()
         }
+
+
+def nested(shape: str) -> Mapping[EffectName, EffectName]:
+    """Effects and what else can be like them, in a body of this shape."""
+    return {**WITHIN, **WITHIN_ROPES} if shape == "rope" else WITHIN
 
 
 def unexplained(account: Account) -> float:

@@ -13,13 +13,16 @@ from model.gap.effects.base import (
     Values,
     borne,
     no_springs,
+    on_points,
     on_springs,
     slackness_of,
     spring_stiffness,
 )
+from model.gap.effects.plastic_bending import PlasticBending
 from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
+from model.simulator.structure import rows_of_line, spans
 
 
 class PlasticSpring(AxialForce):
@@ -97,20 +100,31 @@ class PlasticSpring(AxialForce):
 
 
 class Plasticity(Effect):
-    """Springs strained beyond a yield strain stay longer or shorter."""
+    """Springs strained beyond a yield strain stay longer or shorter; a rope keeps its bends.
+
+    A rope is bent by far more than it is strained, and what it resists that with may yield. It has a
+    stiffness of its own, and pulls at nothing in the first frame. What is thick bends by its springs, and
+    what a cloth resists bending with is too little to see.
+    """
 
     name = "plasticity"
-    source = PlasticSpring.__doc__ or ""
+    source = f"{PlasticSpring.__doc__}{PlasticBending.__doc__}"
     acts = "body"
     quantities: ClassVar[Mapping[str, Quantity]] = {
         "flow_rate": Quantity("1/s", (0.02, 100.0), 3.0, log=True),
         "yield_strain": Quantity("1", (0.001, 0.5), 0.03, log=True),
         "hardening": Quantity("1", (0.0, 0.95), 0.2),
+        "bending_stiffness": Quantity("N·m²", (1e-8, 1.0), 1e-3, log=True),
+        "yield_curvature": Quantity("1/m", (0.1, 100.0), 3.0, log=True),
     }
-    absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0}
-    before: ClassVar[Mapping[str, float]] = {"hardening": 0.0}
+    absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0, "bending_stiffness": 0.0}
+    before: ClassVar[Mapping[str, float]] = {
+        "hardening": 0.0,
+        "bending_stiffness": 0.0,
+        "yield_curvature": 3.0,
+    }
     grid: ClassVar[Grid] = {"flow_rate": (3.0, 30.0), "yield_strain": (0.005, 0.04), "hardening": (0.25,)}
-    terms = (PlasticSpring,)
+    terms = (PlasticSpring, PlasticBending)
     confused_with: ClassVar[Mapping[str, str]] = {
         "viscoelasticity": "let go, and wait long enough for it to come back",
         "damage": "stretch to the same length again",
@@ -124,8 +138,25 @@ class Plasticity(Effect):
         return no_springs(world)
 
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
-        """Let the rest lengths flow."""
+        """Let the rest lengths flow, and the rest turns of rows of points in a rope."""
         share = on_springs(world, where)
+        own = {name: values[name] for name in ("flow_rate", "yield_strain", "hardening")}
+        world = world.with_force(
+            PlasticSpring(spring_stiffness(world), share, **own, slackness=slackness_of(world))
+        )
+        points = world.system.points.double().numpy()
+        triples = rows_of_line(points, world.system.springs.numpy())
+        if not len(triples):
+            return world
+        span = torch.from_numpy(spans(points, triples))
+        there = on_points(world, where)[torch.from_numpy(triples[:, 1])]
+        stiffness, curvature = values["bending_stiffness"], values["yield_curvature"]
         return world.with_force(
-            PlasticSpring(spring_stiffness(world), share, **values, slackness=slackness_of(world))
+            PlasticBending(
+                torch.from_numpy(triples),
+                bending_stiffness=stiffness * there.to(stiffness),
+                span=span,
+                yield_turn=curvature * 0.5 * span.to(curvature),
+                flow_rate=values["flow_rate"],
+            )
         )

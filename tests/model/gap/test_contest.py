@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.gap.contest import FITTED, THERE, contested, explain_too_little, likely
+from model.gap.contest import FITTED, THERE, contested, explain_too_little, likely, with_simpler
 from model.gap.effects import GravityTilt, QuadraticAirDrag, SteadyWind
 from model.gap.schema import EFFECT_NAMES
 from model.gap.screen import screen
@@ -27,6 +27,22 @@ def test_what_the_jury_believes_what_promises_and_what_leaves_least_comes_first(
     order = likely(begins, Judged({name: float(name == names[8]) for name in names}))
     assert order[:5] == [names[8], names[-1], names[0], names[-2], names[1]]
     assert sorted(order) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    ("shape", "names", "fitted"),
+    [
+        ("rope", ["plasticity", "wind"], ["plasticity", "wind", "bending_stiffness"]),
+        ("rope", ["bending_stiffness", "plasticity"], ["bending_stiffness", "plasticity"]),
+        ("rope", ["wind"], ["wind"]),
+        ("sheet", ["plasticity"], ["plasticity"]),
+    ],
+)
+def test_a_rope_that_may_yield_may_be_elastic(shape, names, fitted):
+    assert with_simpler(names, list(EFFECT_NAMES), shape) == fitted
+    unable = [name for name in EFFECT_NAMES if name != "bending_stiffness"]
+    if "bending_stiffness" not in names:
+        assert with_simpler(names, unable, shape) == names
 
 
 @pytest.mark.parametrize(

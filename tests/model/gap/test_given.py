@@ -9,7 +9,7 @@ from model.errors import InputError
 from model.gap.bodies.body import body_of
 from model.gap.by_graph import by_graph
 from model.gap.carried import record_of
-from model.gap.effects import BendingStiffness, GroundAdhesion, QuadraticAirDrag
+from model.gap.effects import BendingStiffness, GroundAdhesion, Plasticity, QuadraticAirDrag
 from model.gap.given import bound, given_twin
 from model.gap.graph import Graph
 from model.gap.hypothesis import Hypothesis
@@ -110,6 +110,7 @@ def test_a_finer_twin_is_made_coarser(twin):
 def test_what_goes_by_the_graph_is_carried_as_the_coarser_one_has_it(twin):
     """As long a distance, as much bending in sum; bare numbers too, and what is absent stays absent."""
     bending = record_of(BendingStiffness, {"bending_stiffness": 1e-4, "memory_of_shape": 0.5})
+    yields = {"flow_rate": 9.0, "yield_strain": 0.1, "hardening": 0.0, "yield_curvature": 3.0}
     contact = EffectRecord(name="self_collision", parameters={"distance": 0.6, "friction": 0.3})
     none = EffectRecord(name="self_collision", parameters={"distance": 0.0, "friction": 0.3})
     fine, (graph, _) = Graph.of(twin), Graph.of(twin).within(20)
@@ -120,6 +121,9 @@ def test_what_goes_by_the_graph_is_carried_as_the_coarser_one_has_it(twin):
     assert sums[0] / sums[1] != pytest.approx(1.0, abs=0.01)
     assert stiff.parameters["bending_stiffness"]["value"] == pytest.approx(1e-4 * sums[0] / sums[1])
     assert stiff.parameters["memory_of_shape"] == bending.parameters["memory_of_shape"]
+    yielding = by_graph(record_of(Plasticity, {**yields, "bending_stiffness": 1e-4}), fine, graph)
+    assert yielding.parameters["bending_stiffness"]["value"] == pytest.approx(1e-4 * sums[0] / sums[1])
+    assert yielding.parameters["yield_curvature"]["value"] == 3.0
     assert near.parameters["distance"] * graph.spacing == pytest.approx(0.6 * fine.spacing)
     assert by_graph(none, fine, graph) == none
     assert given_twin(both, filmed(twin)).carried == both.effects

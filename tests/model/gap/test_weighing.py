@@ -94,6 +94,13 @@ def test_the_simpler_of_two_is_likelier_where_it_explains_as_much(simple, other)
     assert more.best == other
 
 
+@pytest.mark.parametrize(("shape", "by"), [("rope", SIMPLER), ("solid", 0.0)])
+def test_a_rope_that_never_yields_is_an_elastic_rod(shape, by):
+    same = Explained(1.0, 0.5, 0.25)
+    told = replace(account(plasticity=same, bending_stiffness=same), shape=shape)
+    assert odds(WEIGHTS.judged(told), "bending_stiffness", "plasticity") == pytest.approx(by, abs=1e-9)
+
+
 def test_a_tilt_that_was_not_fitted_takes_nothing_from_a_wind():
     judged = WEIGHTS.judged(account(wind=Explained(1.0)))
     assert odds(judged, "wind", "gravity_tilt") == pytest.approx(3.0)

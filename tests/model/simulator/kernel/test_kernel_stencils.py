@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from model.gap.effects.plastic_bending import PlasticBending
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.volume import Volume
@@ -116,3 +117,40 @@ def test_threads_change_nothing(stenciled, monkeypatch):
     for rollout, gradients in results[1:]:
         assert torch.equal(rollout.points, results[0][0].points)
         assert all(torch.equal(gradients[name], results[0][1][name]) for name in gradients)
+
+
+@pytest.fixture
+def yielding(scene):
+    """A scene whose rows of points keep their bends, with leaves for the constants."""
+
+    def build(dtype=torch.float64, batch=()):
+        rng = np.random.default_rng(3)
+        made = scene(dtype, batch=batch)
+        rows = torch.from_numpy(np.stack([rng.permutation(61)[:3] for _ in range(19)]))
+        laws = {
+            "bending_stiffness": torch.tensor(rng.uniform(1e-6, 1e-5, 19)),
+            "yield_turn": torch.tensor(rng.uniform(1e-3, 0.05, (*batch, 19))),
+            "flow_rate": torch.tensor(20.0),
+        }
+        laws = {name: value.to(dtype).requires_grad_() for name, value in laws.items()}
+        made.leaves.update(laws)
+        made = replace(made, simulator=made.simulator.with_force(PlasticBending(rows, span=0.05, **laws)))
+        return made
+
+    return build
+
+
+@by_both
+@pytest.mark.parametrize("batch", [(), (2,)])
+@pytest.mark.parametrize("checkpoint", [False, True])
+def test_what_groups_of_points_remember(yielding, scene, apart, batch, checkpoint):
+    made = yielding(batch=batch)
+    expected, slow = made.roll("torch", substeps=60)
+    found, fast = made.roll("kernel", substeps=60, checkpoint=checkpoint)
+    without, _ = scene(batch=batch).roll("kernel", substeps=60)
+    assert apart(without.points, expected.points) > 1e-4, "it does nothing"
+    assert apart(found.points, expected.points) < 1e-12
+    for name, memory in expected.end.memory.items():
+        assert apart(found.end.memory[name], memory) < 1e-11, name
+    for name, gradient in slow.items():
+        assert apart(fast[name], gradient) < 1e-9, name
