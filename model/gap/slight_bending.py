@@ -6,6 +6,7 @@ from torch import Tensor
 from model.gap.bodies.body import Body
 from model.gap.size import size_of
 from model.simulator.forces.bending import Bending
+from model.simulator.forces.curved_bending import CurvedBending
 from model.simulator.structure import rows, spans, turns
 
 SLIGHT = {"rope": 2e-6, "sheet": 7e-4}
@@ -28,9 +29,15 @@ class SlightBending(Bending):
     name = "slight_bending"
 
 
+class SlightCurvedBending(CurvedBending):
+    """The same of a rope, which is as long as its folds are and knows in which direction it is curved."""
+
+    name = SlightBending.name
+
+
 def slight_bending(
     body: Body, weight: float, share: Tensor | float = 1.0, memory: Tensor | float = 1.0
-) -> SlightBending | None:
+) -> SlightBending | SlightCurvedBending | None:
     """For a body at ease between straight and as it is first seen; None where it has no rows of points.
 
     Args:
@@ -44,7 +51,8 @@ def slight_bending(
     triples = rows(body.points, body.springs)
     if not len(triples):
         return None
-    return SlightBending(
+    kind = SlightCurvedBending if body.shape == "rope" else SlightBending
+    return kind(
         torch.from_numpy(triples),
         bending_stiffness=_usual(body, weight, share) * torch.ones(len(triples)),
         span=spans(body.points, triples),

@@ -92,13 +92,13 @@ class Weighing:
         scores = self.scores(account)
         most = max(scores.values())
         chances = {name: float(np.exp(score - most)) for name, score in scores.items()}
-        for simple, other in nested(account.shape).items():
-            if not {simple, other} <= set(account.told):
-                continue
-            both = chances[simple] + chances[other]
-            chances[simple] *= float(np.exp(SIMPLER))
-            share = both / max(chances[simple] + chances[other], IMPOSSIBLE)
-            chances |= {name: share * chances[name] for name in (simple, other)}
+        pairs = nested(account.shape)
+        for other in {other for other in pairs.values() if other in account.told}:
+            simple = [name for name, within in pairs.items() if within == other and name in account.told]
+            before = chances[other] + sum(chances[name] for name in simple)
+            chances |= {name: float(np.exp(SIMPLER)) * chances[name] for name in simple}
+            after = chances[other] + sum(chances[name] for name in simple)
+            chances |= {name: before / max(after, IMPOSSIBLE) * chances[name] for name in (other, *simple)}
         total = sum(chances.values())
         return Judged({name: chance / total for name, chance in chances.items()})
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from model.errors import InputError
 from model.simulator.drive import Drive
-from model.simulator.dynamics import Dynamics
+from model.simulator.dynamics import Dynamics, recalled
 from model.simulator.integrators.base import Integrator
 from model.simulator.system import Anchors, State
 
@@ -96,7 +96,7 @@ def _culprit(dynamics: Dynamics, state: State, anchors: Anchors | None, point: i
     motion = dynamics.motion(state, anchors)
     strongest, name = -1.0, "the initial state"
     for term, values in dynamics.forces:
-        size = _largest(term.force(motion, values), point)
+        size = _largest(term.force(motion, recalled(term, values, state)), point)
         if not size < float("inf"):
             return term.name
         if size > strongest:

@@ -37,7 +37,7 @@ class Dynamics:
             for t, v in self.forces
             if isinstance(t, PairForce) and not isinstance(t, AxialForce) and self._acts(t)
         ]
-        self._other = [(t, v) for t, v in self.forces if not isinstance(t, PairForce | Decay)]
+        self._other = [(t, v) for t, v in self.forces if not isinstance(t, PairForce | Decay) and _meets(t)]
         self._decay = [(t, v) for t, v in self.forces if isinstance(t, Decay)]
         self._factors: dict[float, Tensor] = {}
 
@@ -69,9 +69,8 @@ class Dynamics:
         pulls = self._pulls(motion, state, dt, memory)
         force = None if pulls is None else motion.pull(pulls)
         for term, values in self._other:
-            known = values
-            if isinstance(term, StencilForce) and term.memory:
-                known = {**values, **_of(term, state.memory)}
+            known = recalled(term, values, state)
+            if isinstance(term, StencilForce):
                 after = term.remembered(motion, known, dt)
                 memory.update({f"{term.name}.{name}": value for name, value in after.items()})
             more = term.force(motion, known)
@@ -102,7 +101,7 @@ class Dynamics:
         return velocities
 
     def rest_memory(self, state: State, anchors: Anchors | None) -> dict[str, Tensor]:
-        """What laws with memory remember of edges that have long been as long as they are."""
+        """What laws with memory remember of edges and stencils that have long been as they are."""
         motion = self.motion(state, anchors)
         remembered: dict[str, Tensor] = {}
         for term, values in self._axial:
@@ -111,7 +110,7 @@ class Dynamics:
                 rests = term.rest_memory(length, rest, values)
                 remembered.update({f"{term.name}.{name}": value for name, value in rests.items()})
         for other, values in self._other:
-            if isinstance(other, StencilForce) and other.memory:
+            if isinstance(other, StencilForce):
                 rests = other.rest_memory(motion, values)
                 remembered.update({f"{other.name}.{name}": value for name, value in rests.items()})
         return remembered
@@ -137,6 +136,15 @@ class Dynamics:
             more = spread(motion, pair.where, pair.edge_force(motion, values))
             pulls = more if pulls is None else pulls + more
         return pulls
+
+
+def recalled(term: ForceTerm, values: Values, state: State) -> Values:
+    """Constants of a term, and what its stencils remember, if it has any."""
+    return {**values, **_of(term, state.memory)} if isinstance(term, StencilForce) else values
+
+
+def _meets(term: ForceTerm) -> bool:
+    return not isinstance(term, StencilForce) or len(term.stencils) > 0
 
 
 def _of(term: ForceTerm, memory: Values) -> dict[str, Tensor]:

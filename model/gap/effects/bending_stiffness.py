@@ -9,14 +9,18 @@ import torch
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, on_points
 from model.gap.world import World
 from model.simulator.forces.bending import Bending
-from model.simulator.structure import rows, spans, turns
+from model.simulator.forces.curved_bending import CurvedBending
+from model.simulator.structure import rows, rows_of_line, spans, turns
 
 
 class BendingStiffness(Effect):
-    """Every row of points bends like an elastic rod, at rest between straight and as it is seen at first."""
+    """Every row of points bends like an elastic rod, at rest between straight and as it is seen at first.
+
+    That of a rope knows in which direction; those of a net hardly need to, since others cross them.
+    """
 
     name = "bending_stiffness"
-    source = Bending.__doc__ or ""
+    source = f"{Bending.__doc__}{CurvedBending.__doc__}"
     acts = "body"
     quantities: ClassVar[Mapping[str, Quantity]] = {
         "bending_stiffness": Quantity("N·m²", (1e-8, 1.0), 1e-4, log=True),
@@ -27,7 +31,7 @@ class BendingStiffness(Effect):
         "bending_stiffness": (1e-6, 1e-4, 1e-2),
         "memory_of_shape": (0.0, 1.0),
     }
-    terms = (Bending,)
+    terms = (Bending, CurvedBending)
     confused_with: ClassVar[Mapping[str, str]] = {
         "tension_only": "let it stick out over an edge",
         "volume_preservation": "bend it without squeezing it",
@@ -42,8 +46,10 @@ class BendingStiffness(Effect):
         triples = _rows(world)
         points = world.system.points.double().numpy()
         share = on_points(world, where)[torch.from_numpy(triples[:, 1])]
+        a_line = len(rows_of_line(points, world.system.springs.numpy())) > 0
+        kind = CurvedBending if a_line else Bending
         return world.with_force(
-            Bending(
+            kind(
                 torch.from_numpy(triples),
                 bending_stiffness=values["bending_stiffness"] * share.to(values["bending_stiffness"]),
                 span=spans(points, triples),

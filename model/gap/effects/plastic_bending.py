@@ -8,19 +8,16 @@ from jaxtyping import Int
 from torch import Tensor
 
 from model.simulator.forces.base import Scalar
-from model.simulator.forces.bending import Bending, carried, chord_of, turn_of
+from model.simulator.forces.curved_bending import STRAIGHT, CurvedBending, carried, chord_of, turn_of
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.vectors import Vector, dot, minus, plus, times
 from model.simulator.parameters import Constant, TensorLike
-
-LEAST = 1e-12
-"""Square of a turn that is none."""
 
 
 class PlasticBending(StencilForce):
     r"""A rod whose turn at rest flows: $\dot t_0 = r\,(1 - t_y/|e|)\,e$ where $|e| > t_y$, $e = t - R\,t_0$.
 
-    Otherwise as `Bending`. It pulls at nothing where it has long been.
+    Otherwise as `CurvedBending`. It pulls at nothing where it has long been.
 
     Args:
         stencils: Points, shape [stencil_count, 3].
@@ -44,8 +41,8 @@ class PlasticBending(StencilForce):
         "yield_turn": Constant("1", "stencils", (0.01, 0.5)),
         "flow_rate": Constant("1/s", "scene", (0.0, 100.0)),
     }
-    memory = Bending.memory
-    potential = Bending.potential
+    memory = CurvedBending.memory
+    potential = CurvedBending.potential
 
     def __init__(
         self,
@@ -81,7 +78,7 @@ class PlasticBending(StencilForce):
         now = chord_of(positions)
         rest = carried((rest_x, rest_y, rest_z), (chord_x, chord_y, chord_z), now)
         elastic = minus(turn_of(positions), rest)
-        size = torch.sqrt(dot(elastic, elastic) + LEAST)
+        size = torch.sqrt(dot(elastic, elastic) + STRAIGHT)
         flowed = (1.0 - torch.exp(-flow_rate * dt)) * torch.relu(size - yield_turn) / size
         return (*plus(rest, times(flowed, elastic)), *now)
 

@@ -3,6 +3,7 @@
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.bending_damping import BendingDamping
 from model.simulator.forces.controller import ControllerSpring
+from model.simulator.forces.curved_bending import CurvedBending
 from model.simulator.forces.dashpot import Dashpot
 from model.simulator.forces.drag import Drag
 from model.simulator.forces.gravity import Gravity
@@ -19,6 +20,7 @@ ALL_FORCES = (
     Gravity,
     Drag,
     Bending,
+    CurvedBending,
     BendingDamping,
     Volume,
     Weight,

@@ -9,50 +9,43 @@ from torch import Tensor
 
 from model.simulator.forces.base import Scalar
 from model.simulator.forces.stencil import StencilForce
-from model.simulator.forces.vectors import Vector, cross, dot, minus, plus, times
+from model.simulator.forces.vectors import Vector, cross, dot, minus
 from model.simulator.parameters import Constant, TensorLike
 
 STRAIGHT = 1e-12
 """Square of the turn below which a row of points is straight."""
-FOLDED = 1e-2
-"""How near to folded back a row is where its curvature grows no further: at 172°, to 28. What has a thickness
-is not folded to a point."""
+FOLDED = 1e-4
+"""How near to folded back a row is, as a square, where its curvature grows no further: at 172°, to 28. What
+has a thickness is not folded to a point."""
 
 
 class Bending(StencilForce):
-    r"""An elastic rod through three points in a row, the middle one second, curved at rest.
+    r"""An elastic rod through three points in a row, the middle one second.
 
-    $E = B\,|t - R\,t_0|^2/s$, with the curvature vector of the two pieces,
-    $t = 2\,(e_0 \times e_1)/(|e_0||e_1| + e_0 \cdot e_1)$, up to where the row is nearly folded back
-    (`FOLDED`), and that at rest, $t_0$, which turns with the chord (R, the least turn from where the chord
-    was). It begins in the plane in which the row is bent at first: without one, a rod that is curved at rest
-    would be as much at rest bent the other way.
-
-    A turn of the row about its own chord leaves $t_0$ as it is, since points tell no such turn of what is
-    straight: a bent row is held against it.
+    $E = B\,(\kappa - \kappa_0)^2 / s$, with $\kappa = 2\tan(\theta/2)$ of the angle $\theta$ by which the row
+    turns at its middle, up to where it is nearly folded back (`FOLDED`), and s the length of its two pieces
+    together at rest. One that is curved at rest is as much at rest bent the other way, which a
+    `CurvedBending`, that takes longer, is not.
 
     Args:
         stencils: Points, shape [stencil_count, 3].
         bending_stiffness: B [N·m²].
-        span: s, the length of both pieces together at rest [m].
-        rest_turn: $|t_0|$ [1]; 0 is straight.
+        span: s [m].
+        rest_turn: $\kappa_0$ [1]; 0 is straight.
 
     Reference:
-        Bergou et al. (2008), Discrete elastic rods, ACM Transactions on Graphics 27(3) (bending energy with
-        the curvature binormal, parallel transport), for an isotropic cross section without twist.
+        Bergou et al. (2008), Discrete elastic rods, ACM Transactions on Graphics 27(3), section 4.2.2
+        (bending energy with the curvature binormal), for an isotropic cross section and planar rest shape.
     """
 
     name = "bending"
-    internal = True
+    internal = central = True
     size = 3
     constants: ClassVar[Mapping[str, Constant]] = {
         "bending_stiffness": Constant("N*m^2", "stencils", (1e-3, 1.0)),
         "span": Constant("m", "stencils", (0.01, 0.1)),
         "rest_turn": Constant("1", "stencils", (0.0, 1.0)),
     }
-    memory: ClassVar[Mapping[str, float]] = dict.fromkeys(
-        ("rest_x", "rest_y", "rest_z", "chord_x", "chord_y", "chord_z"), 0.0
-    )
 
     def __init__(
         self,
@@ -66,57 +59,13 @@ class Bending(StencilForce):
 
     @staticmethod
     def potential(
-        positions: tuple[Vector, ...],
-        bending_stiffness: Scalar,
-        span: Scalar,
-        rest_x: Scalar,
-        rest_y: Scalar,
-        rest_z: Scalar,
-        chord_x: Scalar,
-        chord_y: Scalar,
-        chord_z: Scalar,
+        positions: tuple[Vector, ...], bending_stiffness: Scalar, span: Scalar, rest_turn: Scalar
     ) -> Scalar:
         """Energy [J]."""
-        rest = carried((rest_x, rest_y, rest_z), (chord_x, chord_y, chord_z), chord_of(positions))
-        elastic = minus(turn_of(positions), rest)
-        return bending_stiffness * dot(elastic, elastic) / span
-
-    @staticmethod
-    def after(
-        positions: tuple[Vector, ...],
-        rest_x: Scalar,
-        rest_y: Scalar,
-        rest_z: Scalar,
-        chord_x: Scalar,
-        chord_y: Scalar,
-        chord_z: Scalar,
-    ) -> tuple[Scalar, ...]:
-        """The turn at rest, and the chord that it goes with."""
-        now = chord_of(positions)
-        return (*carried((rest_x, rest_y, rest_z), (chord_x, chord_y, chord_z), now), *now)
-
-    @staticmethod
-    def settled(positions: tuple[Vector, ...], rest_turn: Scalar) -> tuple[Scalar, ...]:
-        """In the direction in which it is turned."""
-        turn = turn_of(positions)
-        size = torch.sqrt(dot(turn, turn) + STRAIGHT)
-        return (*times(rest_turn / size, turn), *chord_of(positions))
-
-
-def chord_of(positions: tuple[Vector, ...]) -> Vector:
-    """From the first point to the last [m]."""
-    return minus(positions[2], positions[0])
-
-
-def turn_of(positions: tuple[Vector, ...]) -> Vector:
-    """Twice the tangent of half the angle by which a row turns, along the axis of that [1]."""
-    before, after = minus(positions[1], positions[0]), minus(positions[2], positions[1])
-    whole = torch.sqrt(dot(before, before) * dot(after, after))
-    along = torch.maximum(whole + dot(before, after), FOLDED * whole)
-    return times(2.0 / along, cross(before, after))
-
-
-def carried(turn: Vector, before: Vector, now: Vector) -> Vector:
-    """A turn that goes with a chord from where it was a moment before: to the first order of that."""
-    about = times(1.0 / dot(before, before), cross(before, now))
-    return plus(turn, cross(about, turn))
+        before, after = minus(positions[1], positions[0]), minus(positions[2], positions[1])
+        turned = cross(before, after)
+        whole = dot(before, before) * dot(after, after)
+        along = torch.sqrt(whole) + dot(before, after)
+        square = 4.0 * dot(turned, turned) / torch.maximum(along * along, FOLDED * whole)
+        turn = torch.sqrt(square + STRAIGHT)
+        return bending_stiffness * (turn - rest_turn) ** 2 / span

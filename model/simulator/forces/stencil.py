@@ -78,9 +78,7 @@ class StencilForce(ForceTerm, ABC):
         return dict(zip(self.memory, found, strict=True))
 
     def force(self, motion: Motion, values: Values) -> Float[Tensor, "*b N 3"]:
-        """Force [N] on every point; `values` are constants and what stencils remember: else as if at rest."""
-        if not all(name in values for name in self.memory):
-            values = {**values, **self.rest_memory(motion, values)}
+        """Force [N] on every point; `values` are constants and what stencils remember."""
         places, speeds = self._gather(motion.positions), self._gather(motion.velocities)
         law = type(self).law
         if law is not None:
@@ -97,11 +95,8 @@ class StencilForce(ForceTerm, ABC):
         return self._scatter(motion, -slope)
 
     def energy(self, motion: Motion, values: Values) -> Float[Tensor, "*b"] | None:
-        """Sum of `potential` over the stencils [J].
-
-        None where there is none, or where they remember something that `values` do not tell.
-        """
-        if type(self).potential is None or not all(name in values for name in self.memory):
+        """Sum of `potential` over the stencils [J], of the same; None where there is none."""
+        if type(self).potential is None:
             return None
         places, speeds = self._gather(motion.positions), self._gather(motion.velocities)
         return self._energies(values, places, speeds).sum(-1)

@@ -59,11 +59,10 @@ def trace_corners(kind: type[StencilForce], each: tuple[tuple[str, bool], ...]) 
         "velocities": tuple(tuple(corner[AXES:]) for corner in at),
         **constants,
         **memory,
-        "dt": graph.symbol("dt"),
     }
     try:
         forces = _forces(graph, kind, known, [x for corner in at for x in corner[:AXES]])
-        updates = _updates(graph, kind, known)
+        updates = _updates(graph, kind, {**known, "dt": graph.symbol("dt")})
     except Untraceable as error:
         raise Untraceable(f"the law of {kind.name!r} cannot be traced: {error}") from error
     wanted = [*(x for corner in at for x in corner), *constants.values(), *memory.values()]

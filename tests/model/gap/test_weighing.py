@@ -101,6 +101,16 @@ def test_a_rope_that_never_yields_is_an_elastic_rod(shape, by):
     assert odds(WEIGHTS.judged(told), "bending_stiffness", "plasticity") == pytest.approx(by, abs=1e-9)
 
 
+def test_two_that_are_simpler_than_one_are_each_likelier_by_as_much():
+    same = Explained(1.0, 0.5, 0.25)
+    every = {"plasticity": same, "bending_stiffness": same, "viscoelasticity": same, "damage": same}
+    judged = WEIGHTS.judged(replace(account(**every), shape="rope"))
+    for simple in ("bending_stiffness", "viscoelasticity"):
+        assert odds(judged, simple, "plasticity") == pytest.approx(SIMPLER)
+    three = sum(judged.chances[name] for name in ("plasticity", "bending_stiffness", "viscoelasticity"))
+    assert three == pytest.approx(3.0 * judged.chances["damage"])
+
+
 def test_a_tilt_that_was_not_fitted_takes_nothing_from_a_wind():
     judged = WEIGHTS.judged(account(wind=Explained(1.0)))
     assert odds(judged, "wind", "gravity_tilt") == pytest.approx(3.0)

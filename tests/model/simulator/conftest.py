@@ -90,22 +90,30 @@ def make(rng):
 
 
 @pytest.fixture
-def force_of():
+def told():
+    """What a term's stencils remember of another shape than that of a state, which turns with the world."""
+
+    def build(term, dynamics, state, anchors=None):
+        if not isinstance(term, StencilForce):
+            return {}
+        middle, count = state.positions.mean(0), len(state.positions)
+        larger = 1.0 + 0.1 * torch.sin(torch.arange(count, dtype=middle.dtype)).unsqueeze(-1)
+        there = State(middle + larger * (state.positions - middle), state.velocities)
+        return term.rest_memory(dynamics.motion(there, anchors), term.values(state.positions))
+
+    return build
+
+
+@pytest.fixture
+def force_of(told):
     """Force [N] of one term on every point of a system."""
 
     def force(term, system, state, anchors=None):
         dynamics = Dynamics(system, [term], [])
         (_, values) = dynamics.forces[0]
         motion = dynamics.motion(state, anchors)
-        if not getattr(term, "memory", None):
-            return term.force(motion, values)
-        if isinstance(term, StencilForce):
-            # what it remembers of another shape, which turns with the world
-            middle, count = state.positions.mean(0), len(state.positions)
-            larger = 1.0 + 0.1 * torch.sin(torch.arange(count, dtype=middle.dtype)).unsqueeze(-1)
-            there = State(middle + larger * (state.positions - middle), state.velocities)
-            told = term.rest_memory(dynamics.motion(there, anchors), values)
-            return term.force(motion, {**values, **told})
+        if not term.memory or isinstance(term, StencilForce):
+            return term.force(motion, {**values, **told(term, dynamics, state, anchors)})
         fresh = dict.fromkeys(term.memory, torch.zeros_like(motion.over(motion.length, term.where)))
         remembered = {
             name: value + torch.linspace(0.01, 0.03, value.numel(), dtype=value.dtype)

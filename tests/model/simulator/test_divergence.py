@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from model.errors import InputError
+from model.gap.effects.plastic_bending import PlasticBending
 from model.simulator.divergence import SimulationDiverged
 from model.simulator.forces.drag import Drag
 from model.simulator.forces.gravity import Gravity
@@ -51,6 +52,15 @@ def test_blames_the_strongest_force_where_all_are_finite():
         with pytest.raises(SimulationDiverged) as caught:
             Simulator(system, forces).rollout(frames=2, substeps=20)
         assert caught.value.term == "spring"
+
+
+def test_blames_a_law_by_what_it_remembers(free, state):
+    """It is at ease in the first frame, and far too stiff for any other."""
+    rows = torch.tensor([[0, 1, 2], [3, 4, 5]])
+    stiff = PlasticBending(rows, bending_stiffness=1e307, span=0.05, yield_turn=1e3, flow_rate=0.0)
+    with pytest.raises(SimulationDiverged) as caught:
+        Simulator(free, [Gravity(), Spring(50.0), stiff]).rollout(state, frames=20, substeps=20)
+    assert caught.value.term == "plastic_bending"
 
 
 def test_blames_the_point_that_started_it(free):

@@ -108,7 +108,7 @@ class CudaKernel:
     def slopes(self, state: State, anchors: Anchors | None) -> Slopes | None:
         """Products with the transposed Jacobian of the accelerations at a state [m, m/s], [*b, N, 3].
 
-        None where a law remembers: what it does then depends on how long a step is.
+        None where a law remembers: its pull may depend on how long a step is, or on what is not at hand here.
         """
         if self._terms.memory:
             return None

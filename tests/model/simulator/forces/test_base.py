@@ -56,14 +56,15 @@ def test_turns_with_the_world(kind, make, force_of, system, state, anchors, rota
 
 
 @every_force
-def test_is_minus_the_gradient_of_its_energy(kind, make, force_of, system, state, anchors):
+def test_is_minus_the_gradient_of_its_energy(kind, make, force_of, told, system, state, anchors):
     term = make(kind, system)
     place = state.positions.clone().requires_grad_()
     dynamics = Dynamics(system, [term], [])
     motion = dynamics.motion(State(place, state.velocities), anchors)
-    energy = term.energy(motion, dynamics.forces[0][1])
+    energy = term.energy(motion, {**dynamics.forces[0][1], **told(term, dynamics, state, anchors)})
     if energy is None:
-        assert kind.dissipative or getattr(kind, "memory", None) or "x" in kind.constants
+        remembers = issubclass(kind, AxialForce) and kind.memory
+        assert kind.dissipative or remembers or "x" in kind.constants
         return
     (gradient,) = torch.autograd.grad(energy, place)
     torch.testing.assert_close(-gradient, force_of(term, system, state, anchors), rtol=1e-9, atol=1e-9)
@@ -84,9 +85,10 @@ def test_takes_power_out_where_dissipative(kind, make, force_of, free, rng):
 
 
 @every_force
-def test_gradients_are_right(kind, make, system, state, anchors):
+def test_gradients_are_right(kind, make, told, system, state, anchors):
     term = make(kind, system)
-    names = list(kind.constants)
+    remembered = told(term, Dynamics(system, [term], []), state, anchors)
+    names = [*kind.constants, *remembered]
 
     def force(place, speed, held, held_speed, mass, rest_length, *values):
         dynamics = Dynamics(system, [], [])
@@ -95,7 +97,8 @@ def test_gradients_are_right(kind, make, system, state, anchors):
         return term.force(motion, dict(zip(names, values, strict=True)))
 
     inputs = [state.positions, state.velocities, anchors.positions, anchors.velocities, system.value("mass")]
-    inputs += [Dynamics(system, [], []).rest_length, *(term.value(name) for name in names)]
+    inputs += [Dynamics(system, [], []).rest_length, *(term.value(name) for name in kind.constants)]
+    inputs += remembered.values()
     inputs = [value.detach().clone().requires_grad_() for value in inputs]
     assert gradcheck(force, inputs, eps=1e-7, atol=1e-4, rtol=1e-5)
 

@@ -10,6 +10,7 @@ from model.gap.effects.viscoelasticity import MaxwellBranch
 from model.simulator.contacts.ground import Ground
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.bending_damping import BendingDamping
+from model.simulator.forces.curved_bending import CurvedBending
 from model.simulator.forces.gravity import Gravity
 from model.simulator.kernel import abreast, emit, kernel
 from model.simulator.kernel.abreast import Abreast, pays
@@ -40,7 +41,9 @@ def worlds(scene):
         corners = torch.from_numpy(np.stack([rng.permutation(61)[:3] for _ in range(19)]))
         stiffness = torch.tensor(rng.uniform(1e-6, 1e-5, (WORLDS, 19)), dtype=dtype)
         turn = torch.tensor(rng.uniform(0.1, 0.5, (WORLDS, 19)), dtype=dtype)
-        return scene(dtype, forces=[Bending(corners, stiffness, 0.05, turn)], batch=(WORLDS,), **options)
+        return scene(
+            dtype, forces=[CurvedBending(corners, stiffness, 0.05, turn)], batch=(WORLDS,), **options
+        )
 
     return build
 

@@ -10,9 +10,12 @@ import torch
 
 from model.gap.effects.plastic_bending import PlasticBending
 from model.simulator.forces.bending import Bending
+from model.simulator.forces.curved_bending import CurvedBending
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.volume import Volume
 from model.simulator.kernel import layout
+from model.simulator.kernel.corners import trace_corners
+from model.simulator.kernel.expression import Untraceable
 from model.simulator.parameters import Constant
 
 by_both = pytest.mark.usefixtures("engine")
@@ -117,6 +120,32 @@ def test_threads_change_nothing(stenciled, monkeypatch):
     for rollout, gradients in results[1:]:
         assert torch.equal(rollout.points, results[0][0].points)
         assert all(torch.equal(gradients[name], results[0][1][name]) for name in gradients)
+
+
+class InTime(Wind):
+    """A law that asks how long a step is, which only what is remembered may."""
+
+    name = "in_time"
+
+    @staticmethod
+    def law(velocities, area, dt):
+        return (tuple(-area * dt * each for each in velocities[0]),)
+
+
+def test_only_what_is_remembered_knows_how_long_a_step_is():
+    with pytest.raises(Untraceable, match="it asks for 'dt'"):
+        trace_corners(InTime, (("area", True), ("speed", False)))
+
+
+def test_a_law_of_no_groups_remembers_nothing(scene, apart):
+    made = scene()
+    none = CurvedBending(torch.zeros((0, 3), dtype=torch.long), 1e-6, 0.05)
+    idle = replace(made, simulator=made.simulator.with_force(none))
+    for backend in ("torch", "kernel"):
+        found, _ = idle.roll(backend, substeps=60)
+        expected, _ = made.roll(backend, substeps=60)
+        assert torch.equal(found.points, expected.points)
+        assert not found.end.memory
 
 
 @pytest.fixture
