@@ -23,7 +23,7 @@ from model.gap.side_by_side import side_by_side
 from model.gap.stages import Portion, Progress, within
 from model.gap.study import DEAR, Study
 from model.gap.verdict import Judged
-from model.gap.weighing import WITHIN_ROPES
+from model.gap.weighing import WITHIN_IN
 from model.schema import EffectName
 
 FITTED: Mapping[Shape, int] = {"rope": 5, "sheet": 4, "solid": 5}
@@ -110,7 +110,7 @@ def likely(begins: Mapping[EffectName, Begun], first: Judged) -> list[EffectName
 
 
 def with_simpler(names: Sequence[EffectName], able: Sequence[EffectName], shape: Shape) -> list[EffectName]:
-    """These, and what may be all that is at work where one of a rope's can do as much and more.
+    """These, and what may be all that is at work where one of them can do as much in such a body, and more.
 
     From where the plain twin has made up for it, no probe of an elastic rod leaves less than none does, but
     one of a rod that yields may.
@@ -120,7 +120,7 @@ def with_simpler(names: Sequence[EffectName], able: Sequence[EffectName], shape:
         able: Of all that can act.
         shape: Of the body.
     """
-    pairs = WITHIN_ROPES.items() if shape == "rope" else ()
+    pairs = WITHIN_IN.get(shape, {}).items()
     return list(dict.fromkeys([*names, *(one for one, other in pairs if other in names and one in able)]))
 
 

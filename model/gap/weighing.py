@@ -35,8 +35,8 @@ WITHIN: Mapping[EffectName, EffectName] = {"gravity_tilt": "wind", "viscoelastic
 """What the second of them can be like with a quantity more. A wind that is strong and pulls little pushes
 alike everywhere and at all times, as a tilt does; what yields at no strain, slowly, and hardens relaxes as a
 viscous branch does."""
-WITHIN_ROPES: Mapping[EffectName, EffectName] = {"bending_stiffness": "plasticity"}
-"""The same of ropes alone: one whose bends never yield is an elastic rod."""
+WITHIN_IN: Mapping[str, Mapping[EffectName, EffectName]] = {"rope": {"bending_stiffness": "plasticity"}}
+"""The same in bodies of a shape alone: a rope whose bends never yield is an elastic rod."""
 SIMPLER = 0.5 * float(np.log(2 * BLOCKS))
 """Nats by which the simpler of such two is likelier where it explains as much, if both were fitted; together
 they are believed as much as without: half the logarithm of the blocks of time of two recordings."""
@@ -134,7 +134,7 @@ class Weighing:
 
 def nested(shape: str) -> Mapping[EffectName, EffectName]:
     """Effects and what else can be like them, in a body of this shape."""
-    return {**WITHIN, **WITHIN_ROPES} if shape == "rope" else WITHIN
+    return {**WITHIN, **WITHIN_IN.get(shape, {})}
 
 
 def unexplained(account: Account) -> float:

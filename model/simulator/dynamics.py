@@ -71,8 +71,7 @@ class Dynamics:
         for term, values in self._other:
             known = recalled(term, values, state)
             if isinstance(term, StencilForce):
-                after = term.remembered(motion, known, dt)
-                memory.update({f"{term.name}.{name}": value for name, value in after.items()})
+                memory |= _named(term, term.remembered(motion, known, dt))
             more = term.force(motion, known)
             force = more if force is None else force + more
         if force is None:
@@ -107,12 +106,10 @@ class Dynamics:
         for term, values in self._axial:
             if term.memory:
                 length, rest = (motion.over(each, term.where) for each in (motion.length, motion.rest_length))
-                rests = term.rest_memory(length, rest, values)
-                remembered.update({f"{term.name}.{name}": value for name, value in rests.items()})
+                remembered |= _named(term, term.rest_memory(length, rest, values))
         for other, values in self._other:
             if isinstance(other, StencilForce):
-                rests = other.rest_memory(motion, values)
-                remembered.update({f"{other.name}.{name}": value for name, value in rests.items()})
+                remembered |= _named(other, other.rest_memory(motion, values))
         return remembered
 
     def _acts(self, term: PairForce) -> bool:
@@ -125,7 +122,7 @@ class Dynamics:
         for term, values in self._axial:
             remembered = _of(term, state.memory) if term.memory else {}
             tension, after = term.tension(motion, values, remembered, dt)
-            memory.update({f"{term.name}.{name}": value for name, value in after.items()})
+            memory |= _named(term, after)
             sums[term.where] = sums[term.where] + tension if term.where in sums else tension
         total = sums.get("edges")
         joined = motion.join(sums.get("springs"), sums.get("controllers"), motion.length) if sums else None
@@ -145,6 +142,10 @@ def recalled(term: ForceTerm, values: Values, state: State) -> Values:
 
 def _meets(term: ForceTerm) -> bool:
     return not isinstance(term, StencilForce) or len(term.stencils) > 0
+
+
+def _named(term: ForceTerm, memory: Values) -> dict[str, Tensor]:
+    return {f"{term.name}.{name}": value for name, value in memory.items()}
 
 
 def _of(term: ForceTerm, memory: Values) -> dict[str, Tensor]:

@@ -96,10 +96,19 @@ def rows_of_line(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) ->
         points: At rest [m].
         springs: Pairs of points.
     """
+    return rows(points, springs) if is_line(points, springs) else np.zeros((0, 3), np.int64)
+
+
+def is_line(points: Float64[Array, "N 3"], springs: Int64[Array, "E 2"]) -> bool:
+    """Whether most points have one neighbour before and one after them.
+
+    Args:
+        points: At rest [m].
+        springs: Pairs of points.
+    """
     near = between_neighbours(points, springs)
-    if len(near) and np.median(np.bincount(near.ravel(), minlength=len(points))) <= IN_LINE:
-        return rows(points, springs)
-    return np.zeros((0, 3), np.int64)
+    joined = np.bincount(near.ravel(), minlength=len(points))
+    return len(near) > 0 and bool(np.median(joined) <= IN_LINE)
 
 
 def _is_thin(points: Float64[Array, "N 3"], near: Int64[Array, "F 2"]) -> bool:

@@ -10,7 +10,7 @@ from model.gap.effects.base import Effect, Field, Grid, Quantity, Values, on_poi
 from model.gap.world import World
 from model.simulator.forces.bending import Bending
 from model.simulator.forces.curved_bending import CurvedBending
-from model.simulator.structure import rows, rows_of_line, spans, turns
+from model.simulator.structure import is_line, rows, spans, turns
 
 
 class BendingStiffness(Effect):
@@ -46,8 +46,7 @@ class BendingStiffness(Effect):
         triples = _rows(world)
         points = world.system.points.double().numpy()
         share = on_points(world, where)[torch.from_numpy(triples[:, 1])]
-        a_line = len(rows_of_line(points, world.system.springs.numpy())) > 0
-        kind = CurvedBending if a_line else Bending
+        kind = CurvedBending if is_line(points, world.system.springs.numpy()) else Bending
         return world.with_force(
             kind(
                 torch.from_numpy(triples),

@@ -8,7 +8,8 @@ from jaxtyping import Int
 from torch import Tensor
 
 from model.simulator.forces.base import Scalar
-from model.simulator.forces.curved_bending import STRAIGHT, CurvedBending, carried, chord_of, turn_of
+from model.simulator.forces.bending import STRAIGHT
+from model.simulator.forces.curved_bending import CurvedBending, chord_of, turn_of
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.vectors import Vector, dot, minus, plus, times
 from model.simulator.parameters import Constant, TensorLike
@@ -75,12 +76,12 @@ class PlasticBending(StencilForce):
         dt: Scalar,
     ) -> tuple[Scalar, ...]:
         """The turn at rest, and the chord that it goes with."""
-        now = chord_of(positions)
-        rest = carried((rest_x, rest_y, rest_z), (chord_x, chord_y, chord_z), now)
+        moved = CurvedBending.after(positions, rest_x, rest_y, rest_z, chord_x, chord_y, chord_z)
+        rest, chord = moved[:3], moved[3:]
         elastic = minus(turn_of(positions), rest)
         size = torch.sqrt(dot(elastic, elastic) + STRAIGHT)
         flowed = (1.0 - torch.exp(-flow_rate * dt)) * torch.relu(size - yield_turn) / size
-        return (*plus(rest, times(flowed, elastic)), *now)
+        return (*plus(rest, times(flowed, elastic)), *chord)
 
     @staticmethod
     def settled(positions: tuple[Vector, ...]) -> tuple[Scalar, ...]:

@@ -8,12 +8,11 @@ from jaxtyping import Int
 from torch import Tensor
 
 from model.simulator.forces.base import Scalar
+from model.simulator.forces.bending import STRAIGHT, Bending
 from model.simulator.forces.stencil import StencilForce
 from model.simulator.forces.vectors import Vector, cross, dot, minus, plus, times
-from model.simulator.parameters import Constant, TensorLike
+from model.simulator.parameters import TensorLike
 
-STRAIGHT = 1e-12
-"""Square of the turn below which a row of points is straight."""
 FOLDED = 1e-2
 """How near to folded back a row is, at 172°, where its curvature is 28 and grows no further: what has a
 thickness is not folded to a point. How near to turned round a chord is, where it takes a turn along no
@@ -49,11 +48,7 @@ class CurvedBending(StencilForce):
     name = "curved_bending"
     internal = True
     size = 3
-    constants: ClassVar[Mapping[str, Constant]] = {
-        "bending_stiffness": Constant("N*m^2", "stencils", (1e-3, 1.0)),
-        "span": Constant("m", "stencils", (0.01, 0.1)),
-        "rest_turn": Constant("1", "stencils", (0.0, 1.0)),
-    }
+    constants = Bending.constants
     memory: ClassVar[Mapping[str, float]] = dict.fromkeys(
         ("rest_x", "rest_y", "rest_z", "chord_x", "chord_y", "chord_z"), 0.0
     )

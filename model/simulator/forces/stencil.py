@@ -70,6 +70,8 @@ class StencilForce(ForceTerm, ABC):
 
     def rest_memory(self, motion: Motion, values: Values) -> dict[str, Tensor]:
         """What stencils remember that have long been where they are."""
+        if not self.memory:
+            return {}
         places, settled = self._gather(motion.positions), type(self).settled
         if settled is None:
             like = places[..., 0, 0]
