@@ -3,12 +3,14 @@
     python -m benchmarks.gap.accounts gather out/worlds/clear --out out/told/clear
     python -m benchmarks.gap.accounts gather out/worlds/dev --out out/told/dev
     python -m benchmarks.gap.accounts lattices out/worlds/dev --out out/told/dev
+    python -m benchmarks.gap.accounts flexible out/worlds/dev --out out/told/dev
     python -m benchmarks.gap.accounts opened out/test out/test_checked --out out/told/test
 
 `gather` diagnoses development worlds (`benchmarks/reality/generate.py --split dev`), never test worlds:
 sealed labels are refused. What the folder holds is not done again, and a world whose effect is too faint to
 learn from (`SEEN`) is not done at all. `lattices` asks of accounts that were gathered before this was asked
-what the twin leaves of itself on other lattices, after its first fit. `opened` takes test worlds as they
+what the twin leaves of itself on other lattices, after its first fit; `flexible` what a force explains that
+may be any missing physics. `opened` takes test worlds as they
 come out of `matphys gap-benchmark out/test --out out/test_checked`, which diagnosed them sealed and then
 opened them. `benchmarks/gap/weighing.py` learns from what they write.
 """
@@ -17,23 +19,28 @@ import argparse
 import json
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
 from benchmarks.gap.development import ask_kinds, done_by, open_labels_of
 from model.errors import InputError
-from model.gap.account import MEANING, Account
+from model.gap.account import MEANING, Account, Explained
+from model.gap.accounting import explained_by
 from model.gap.benchmark.labels import Label, open_labels
 from model.gap.benchmark.predict import PREDICTIONS, read_account, taken_of
+from model.gap.ceiling import ceiling
 from model.gap.classifier import NONE, UNKNOWN
+from model.gap.confirm import refit
 from model.gap.diagnose import diagnose
 from model.gap.guessed_twin import guessed_twin
 from model.gap.lattices import lattices_of, left_here, left_there
 from model.gap.schema import VerdictName
-from model.gap.study import study
+from model.gap.slowly import left_slowly
+from model.gap.study import Study, study
 from model.gap.transfer import Followed, transferred
+from model.types import Observation
 
 SEEN = 1.5
 """Signal-to-noise from which an effect is there to be learned from."""
@@ -110,24 +117,43 @@ def gathered(label: Label, folder: Path, out: Path) -> str:
     return Told.of(label, folder.name, account).write(out)
 
 
-def asked(label: Label, folder: Path, out: Path) -> str:
-    """What a twin leaves of itself on other lattices, beside what is told of the world already."""
+def asked(label: Label, folder: Path, out: Path, part: str) -> str:
+    """A part of an account that was gathered before it was asked for; what is told already is left alone."""
     path = out / f"{label['world']}.json"
     known = Told.read(path)
-    if known.account.lattices:
+    if getattr(known.account, part):
         return path.name
     warnings.simplefilter("ignore")
     taken, transfer = taken_of(folder / f"{label['world']}.npz")
     fitted = study(taken.observation, guessed_twin(taken.observation, transfer))
+    account = replace(known.account, **{part: PARTS[part](fitted, transfer)})
+    return replace(known, account=account).write(out)
+
+
+def lattices(fitted: Study, transfer: Observation | None) -> tuple[float | None, ...]:
+    """What a twin leaves of itself on other lattices, after its first fit."""
     values = fitted.base.values
     others = lattices_of(fitted)
-    lattices = [left_here(others, fitted.misfit, values)]
-    if transfer is not None:
-        other = transferred(fitted, transfer)
-        there = other.study(fitted)
-        lattices.append(left_there(others, fitted, other, values, Followed(there.misfit, there.base)))
-    account = replace(known.account, lattices=tuple(lattices))
-    return replace(known, account=account).write(out)
+    here = left_here(others, fitted.misfit, values)
+    if transfer is None:
+        return (here,)
+    other = transferred(fitted, transfer)
+    there = other.study(fitted)
+    return here, left_there(others, fitted, other, values, Followed(there.misfit, there.base))
+
+
+def flexible(fitted: Study, transfer: Observation | None) -> Explained:
+    """What a force explains of the first recording that may be any missing physics."""
+    plain = refit(fitted)
+    slowly = left_slowly(plain.misfit, plain.estimate.values)
+    return explained_by(ceiling(fitted, plain), fitted, plain, slowly)
+
+
+PARTS: Mapping[str, Callable[[Study, Observation | None], object]] = {
+    "lattices": lattices,
+    "flexible": flexible,
+}
+"""Of an account, by the command that asks for it."""
 
 
 def opened(folder: Path, checked: Path, out: Path) -> int:
@@ -159,7 +185,7 @@ def once(worlds: Sequence[Told]) -> list[Told]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Gather, ask of lattices, or take over what was opened."""
+    """Gather, ask for what was not gathered, or take over what was opened."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -167,6 +193,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, does, to in (
         ("gather", "diagnose development worlds", "where the accounts go"),
         ("lattices", "ask of accounts what other lattices leave", "where the accounts are"),
+        ("flexible", "ask of accounts what a flexible force explains", "where the accounts are"),
     ):
         each = commands.add_parser(name, help=does)
         each.add_argument("worlds", type=Path)
@@ -184,9 +211,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     labels = open_labels_of(options.worlds, parser, "weights are learned from")
     labels = [label for label in labels if label["kind"] in options.kind]
-    if options.command == "lattices":
+    if options.command in PARTS:
         there = [label for label in labels if (options.out / f"{label['world']}.json").is_file()]
-        done_by(options.workers, [partial(asked, label, options.worlds, options.out) for label in there])
+        part = options.command
+        done_by(
+            options.workers, [partial(asked, label, options.worlds, options.out, part) for label in there]
+        )
         return 0
     told = [label for label in labels if seen(label.get("magnitude"))]
     if len(told) < len(labels):

@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping
 
+from jaxtyping import Float64
+
 from model.gap.account import Account, Explained, against_ordinary
 from model.gap.confirm import Fitted, held_out
 from model.gap.forecast import forecast
@@ -14,6 +16,7 @@ from model.gap.study import Study
 from model.gap.transfer import Transferred
 from model.gap.verdict import Judged
 from model.schema import EffectName
+from model.types import Array
 
 SEEN = 0.98
 """An effect that leaves more than this share of what the plain twin does is not there to be seen."""
@@ -42,17 +45,7 @@ def account_of(
     """
     cost, later = plain.estimate.cost, held_out(fitted, plain.foretold)
     slowly = left_slowly(plain.misfit, plain.estimate.values)
-
-    def told(one: Fitted) -> Explained:
-        if one.estimate.cost >= SEEN * cost:
-            return Explained()
-        return Explained.of(
-            (cost, one.estimate.cost),
-            (later, held_out(fitted, one.foretold)),
-            slowly=(explained_slowly(slowly, left_slowly(one.misfit, one.estimate.values)),),
-        )
-
-    explained = {name: told(one) for name, one in confirmed.items()}
+    explained = {name: explained_by(one, fitted, plain, slowly) for name, one in confirmed.items()}
     shared: dict[EffectName, Explained] = {}
     left = [against_ordinary(cost, fitted.misfit.noise)]
     values = plain.estimate.values
@@ -85,6 +78,26 @@ def account_of(
         explained,
         shared,
         tuple(left),
-        told(flexible),
+        explained_by(flexible, fitted, plain, slowly),
         tuple(lattices),
+    )
+
+
+def explained_by(one: Fitted, fitted: Study, plain: Fitted, slowly: Float64[Array, " k"]) -> Explained:
+    """What is explained of the first recording by an effect or a flexible force that was fitted to it.
+
+    Args:
+        one: The twin with it.
+        fitted: The recording.
+        plain: The twin without it, from `confirm.refit`.
+        slowly: What that leaves (`left_slowly`).
+    """
+    cost = plain.estimate.cost
+    if one.estimate.cost >= SEEN * cost:
+        return Explained()
+    after = left_slowly(one.misfit, one.estimate.values)
+    return Explained.of(
+        (cost, one.estimate.cost),
+        (held_out(fitted, plain.foretold), held_out(fitted, one.foretold)),
+        slowly=(explained_slowly(slowly, after),),
     )

@@ -20,7 +20,7 @@ def able_effects(study: Study) -> list[Effect]:
     """What a fitted twin may lack: juries are trained on these and diagnoses try these."""
     world = study.plain.at(study.base.values)
     every: list[Effect] = [kind() for kind in ALL_EFFECTS]
-    able = [effect for effect in every if effect.unable(world) is None]
+    able = [effect.within(world) for effect in every if effect.unable(world) is None]
     return [effect for effect in able if not isinstance(effect, SelfContact) or may_meet(study)]
 
 

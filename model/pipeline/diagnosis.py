@@ -13,6 +13,7 @@ from model.gap.registration import moved_alike
 from model.gap.result import DiagnosisResult
 from model.gap.taken import Taken
 from model.observation import read_observation
+from model.one_thread import one_thread
 from model.stage_log import StageReport
 
 
@@ -38,11 +39,11 @@ def diagnose(
         seen = taken.observation
         other = None if transfer is None else taken.other(read_observation(transfer), transfer.name)
         bundle = None if twin is None else TwinBundle.load(twin)
-        given = None if bundle is None else given_twin(bundle, seen)
-        if given is not None and other is not None:
-            other = moved_alike(other, seen, given.observation)
-        found = find(seen if given is None else given.observation, given, other, report)
-    plain = given or guessed_twin(seen, other)
+        with one_thread():
+            plain = guessed_twin(seen, other) if bundle is None else given_twin(bundle, seen)
+        if bundle is not None and other is not None:
+            other = moved_alike(other, seen, plain.observation)
+        found = find(plain.observation, plain, other, report)
     report("done", 1.0)
     return DiagnosisResult(_doubted(found, doubts), plain.observation, plain, bundle, taken)
 

@@ -87,3 +87,8 @@ def met_by_air(world: World, where: Field | None = None) -> tuple[Met, Met]:
     each = mass / uses.clamp(min=1)
     alone = torch.from_numpy(np.flatnonzero(uses == 0))
     return Met(alone[:, None], mass[..., alone]), Met(corners, each[..., corners].sum(-1))
+
+
+def has_faces(world: World) -> bool:
+    """Whether air meets any of it by faces, as it does a net."""
+    return bool(len(met_by_air(world)[1].stencils))

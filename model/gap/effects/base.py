@@ -82,6 +82,10 @@ class Effect(ABC):
         """Why it cannot act in this world, or None if it can."""
         return None
 
+    def within(self, world: World) -> "Effect":
+        """Itself as it acts in such a world: without quantities that do nothing there."""
+        return self
+
     def strength(self, world: World, values: Values, where: Field | None = None) -> Field:
         """How strongly it acts on each mass point, 0..1, as a report shows it."""
         return on_points(world, where)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import torch
+from jaxtyping import Int
 
 from model.gap.effects.base import (
     Effect,
@@ -23,6 +24,7 @@ from model.gap.world import World
 from model.simulator.forces.base import AxialForce, Scalar
 from model.simulator.parameters import Constant, TensorLike
 from model.simulator.structure import rows_of_line, spans
+from model.types import Array
 
 
 class PlasticSpring(AxialForce):
@@ -137,6 +139,10 @@ class Plasticity(Effect):
             return "its springs are damaged, as told from their first length"
         return no_springs(world)
 
+    def within(self, world: World) -> Effect:
+        """What is no rope has no bends that yield."""
+        return self if len(_rows(world)) else YieldingSprings()
+
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Let the rest lengths flow, and the rest turns of rows of points in a rope."""
         share = on_springs(world, where)
@@ -144,11 +150,10 @@ class Plasticity(Effect):
         world = world.with_force(
             PlasticSpring(spring_stiffness(world), share, **own, slackness=slackness_of(world))
         )
-        points = world.system.points.double().numpy()
-        triples = rows_of_line(points, world.system.springs.numpy())
+        triples = _rows(world)
         if not len(triples):
             return world
-        span = torch.from_numpy(spans(points, triples))
+        span = torch.from_numpy(spans(world.system.points.double().numpy(), triples))
         there = on_points(world, where)[torch.from_numpy(triples[:, 1])]
         stiffness, curvature = values["bending_stiffness"], values["yield_curvature"]
         return world.with_force(
@@ -160,3 +165,17 @@ class Plasticity(Effect):
                 flow_rate=values["flow_rate"],
             )
         )
+
+
+class YieldingSprings(Plasticity):
+    """The same of what is no rope."""
+
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        name: Plasticity.quantities[name] for name in ("flow_rate", "yield_strain", "hardening")
+    }
+    absent: ClassVar[Mapping[str, float]] = {"flow_rate": 0.0}
+    before: ClassVar[Mapping[str, float]] = {"hardening": 0.0}
+
+
+def _rows(world: World) -> Int[Array, "R 3"]:
+    return rows_of_line(world.system.points.double().numpy(), world.system.springs.numpy())

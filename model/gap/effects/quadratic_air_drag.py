@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from functools import partial
 from typing import ClassVar
 
+import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.air import in_air, of_face, on_face, on_point
+from model.gap.effects.air import has_faces, in_air, of_face, on_face, on_point
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values
 from model.gap.world import World
 from model.simulator.forces.base import Scalar
@@ -93,7 +94,24 @@ class QuadraticAirDrag(Effect):
     terms = (AirDrag, AirDragOnFaces)
     confused_with: ClassVar[Mapping[str, str]] = {"wind": "hold it still for a second"}
 
+    def within(self, world: World) -> Effect:
+        """What is no sheet is met from all sides alike."""
+        return self if has_faces(world) else DragFromAllSides()
+
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Put the object in air."""
         faces = partial(AirDragOnFaces, facing=values["facing"])
         return in_air(world, values["drag_per_mass"], where, AirDrag, faces)
+
+
+class DragFromAllSides(QuadraticAirDrag):
+    """The same of what is no sheet."""
+
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        name: quantity for name, quantity in QuadraticAirDrag.quantities.items() if name != "facing"
+    }
+    before: ClassVar[Mapping[str, float]] = {}
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Put the object in air."""
+        return super().apply(world, {**values, "facing": torch.zeros(())}, where)

@@ -5,10 +5,11 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
+import torch
 from jaxtyping import Int
 from torch import Tensor
 
-from model.gap.effects.air import in_air, of_face, on_face, on_point
+from model.gap.effects.air import has_faces, in_air, of_face, on_face, on_point
 from model.gap.effects.base import Effect, Field, Grid, Quantity, Values
 from model.gap.heading import turned_level
 from model.gap.world import World
@@ -134,6 +135,10 @@ class SteadyWind(Effect):
         "quadratic_air_drag": "hold it still for a second",
     }
 
+    def within(self, world: World) -> Effect:
+        """What is no sheet is met from all sides alike."""
+        return self if has_faces(world) else WindFromAllSides()
+
     def apply(self, world: World, values: Values, where: Field | None = None) -> World:
         """Let it blow."""
         blown = {axis: values[axis] for axis in "xy"}
@@ -144,3 +149,16 @@ class SteadyWind(Effect):
         """It blows another way."""
         x, y = turned_level(np.array([values["x"], values["y"]]), angle)
         return {**values, "x": float(x), "y": float(y)}
+
+
+class WindFromAllSides(SteadyWind):
+    """The same of what is no sheet."""
+
+    quantities: ClassVar[Mapping[str, Quantity]] = {
+        name: quantity for name, quantity in SteadyWind.quantities.items() if name != "facing"
+    }
+    before: ClassVar[Mapping[str, float]] = {}
+
+    def apply(self, world: World, values: Values, where: Field | None = None) -> World:
+        """Let it blow."""
+        return super().apply(world, {**values, "facing": torch.zeros(())}, where)

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.gap.accounts import Told, main
 from benchmarks.reality.labels import write_labels
 from model.errors import InputError
-from model.gap.account import MEANING, Account, Explained
+from model.gap.account import MEANING, MOST, Account, Explained
 from model.gap.schema import EFFECT_NAMES
 
 ALIKE = dict.fromkeys(EFFECT_NAMES, 1.0 / len(EFFECT_NAMES))
@@ -43,7 +43,8 @@ def test_objects_of_other_kinds_are_not_diagnosed(tmp_path, capsys):
     assert list((tmp_path / "told").iterdir()) == []
 
 
-def test_what_other_lattices_leave_is_asked_of_accounts_that_do_not_tell_it(tmp_path, capsys):
+@pytest.mark.parametrize("part", ["lattices", "flexible"])
+def test_what_was_not_gathered_is_asked_for(part, tmp_path, capsys):
     times = np.arange(16) / 30.0
     hanging = np.stack([np.linspace(0.0, 0.12, 8), np.zeros(8), -np.linspace(0.0, 0.2, 8)], -1)
     for name, rate in (("rope", 6.0), ("rope.transfer", 4.0)):
@@ -57,13 +58,16 @@ def test_what_other_lattices_leave_is_asked_of_accounts_that_do_not_tell_it(tmp_
     out.mkdir()
     before = replace(told(0, ("none",)), world="rope")
     path = out / before.write(out)
-    assert main(["lattices", str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
-    after = Told.read(path)
-    assert replace(after.account, lattices=()) == before.account
-    assert len(after.account.lattices) == 2
-    assert all(one >= 0.0 for one in after.account.lattices)
+    assert main([part, str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
+    after = Told.read(path).account
+    assert replace(after, **{part: getattr(before.account, part)}) == before.account
+    if part == "lattices":
+        assert len(after.lattices) == 2
+        assert all(one >= 0.0 for one in after.lattices)
+    else:
+        assert 0.0 < after.flexible.fitted <= MOST[1], "what lags behind a hand is no rope"
     written = path.stat().st_mtime_ns
-    assert main(["lattices", str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
+    assert main([part, str(tmp_path), "--workers", "1", "--out", str(out)]) == 0
     assert path.stat().st_mtime_ns == written, "what is told already is not asked again"
     assert [one.name for one in out.iterdir()] == [path.name]
 

@@ -79,7 +79,7 @@ def test_writes_the_report_and_says_what_it_found(run, diagnosis, file, tmp_path
     assert {Path(line.removeprefix("wrote ")).name for line in out.splitlines()[1:]} == written
     assert [line.split()[-1] for line in err.splitlines()[:3]] == ["observation", "fit", "screen"]
     assert "warning: said by the diagnosis" in err
-    assert diagnosis.twin is None
+    assert not diagnosis.twin.given
     assert diagnosis.transfer is None
 
 

@@ -112,6 +112,16 @@ def test_what_was_saved_before_a_quantity_was_known_is_as_it_was(name, quantity,
     assert values_of(old, "effects.json: 0") == values_of(record, "effects.json: 0") | {quantity: value}
 
 
+@pytest.mark.parametrize("kind", ALL_EFFECTS, ids=lambda kind: kind.name)
+def test_a_twin_need_not_say_what_does_nothing_in_it(kind, block):
+    own = kind().within(block)
+    record = record_of(own, {name: quantity.start for name, quantity in own.quantities.items()})
+    whole = record_of(kind, starts(kind))
+    with torch.no_grad():
+        moved = [carrying(block, [one]).rollout(last=8, substeps=200).points for one in (record, whole)]
+    assert torch.equal(*moved)
+
+
 @pytest.mark.parametrize("order", [(Damage, Plasticity), (Plasticity, Damage)])
 def test_damage_of_what_yields_is_refused(order, block):
     """Damage told from the first length would pull at a longer one for ever, and more the longer it is."""

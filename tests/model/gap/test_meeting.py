@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from model.gap.meeting import EVERY, may_meet
+from model.gap.meeting import EVERY, able_effects, may_meet
 
 
 @pytest.fixture
@@ -68,3 +68,9 @@ def test_points_that_are_not_seen_meet_nothing(rope):
         points[5:] = np.nan
 
     assert not may_meet(rope(hidden))
+
+
+def test_a_rope_has_bends_that_yield_and_no_faces(short, studied):
+    known = {effect.name: set(effect.quantities) for effect in able_effects(studied(short))}
+    assert {"yield_curvature", "bending_stiffness"} < known["plasticity"]
+    assert "facing" not in known["wind"] | known["quadratic_air_drag"]
